@@ -69,12 +69,12 @@ pub(crate) fn stage(
     let threads_of_config = || setup.threads();
     let given = Threads { now: &threads_of_config, every: Duration::MAX };
     let threads = threads.unwrap_or(&given);
-    let (material, test) = setup.material(plant, experiment)?;
+    let (inputs, test) = setup.inputs(plant, experiment)?;
     let mut session =
-        Session::begin(&material, experiment, (threads.now)(), options.verbosity, run_dir)?;
-    let outcome = session.work(&material, run_dir, &setup.training.effort, threads, options);
+        Session::begin(&inputs, experiment, (threads.now)(), options.verbosity, run_dir)?;
+    let outcome = session.work(&inputs, run_dir, &setup.training.effort, threads, options);
     let net = session.trainer.net();
-    let parameters = material.estimates(&session.trainer);
+    let parameters = inputs.estimates(&session.trainer);
     // The net first: it is what the time was spent on. That of an interrupted training is in the
     // checkpoint; of one that failed, the last good net is kept.
     if !matches!(outcome, Err(RunError::Interrupted { .. })) {
@@ -149,11 +149,11 @@ impl<'a> TrainingSetup<'a> {
     }
 
     /// What a trainer is made from, and the scenarios that its net is judged by.
-    pub(super) fn material<'p>(
+    pub(super) fn inputs<'p>(
         &self,
         plant: &'p dyn DynPlant,
         experiment: &Experiment,
-    ) -> Result<(Material<'p>, ValidationSet), RunError> {
+    ) -> Result<(TrainerInputs<'p>, ValidationSet), RunError> {
         let training = self.training(experiment.seed);
         let (mut validation, mut test) =
             (training.validation_set(plant)?, training.test_set(plant)?);
@@ -165,7 +165,7 @@ impl<'a> TrainingSetup<'a> {
         let weight = self.data.map_or(0.0, |data| data.weight);
         let unknown = self.data.filter(|data| !data.parameters.is_empty());
         let unknown = unknown.map(|data| Unknown::of(experiment, &data.parameters));
-        Ok((Material { plant, training, validation, measured, weight, unknown }, test))
+        Ok((TrainerInputs { plant, training, validation, measured, weight, unknown }, test))
     }
 
     /// The plant with the parameters that were trained with the net, if any were, and the scenarios
@@ -174,13 +174,13 @@ impl<'a> TrainingSetup<'a> {
         &self,
         experiment: &Experiment,
         parameters: &BTreeMap<String, f64>,
-    ) -> Result<Option<Found>, RunError> {
+    ) -> Result<Option<IdentifiedPlant>, RunError> {
         if parameters.is_empty() {
             return Ok(None);
         }
         let plant = experiment.plant.with_parameters(parameters).dyn_plant();
         let test = self.training(experiment.seed).test_set(&*plant)?;
-        Ok(Some(Found { plant, test }))
+        Ok(Some(IdentifiedPlant { plant, test }))
     }
 
     /// The threads that the config gives.
@@ -216,13 +216,13 @@ impl<'a> TrainingSetup<'a> {
 }
 
 /// The plant with the parameters that were trained with the net, and scenarios of it.
-pub(super) struct Found {
+pub(super) struct IdentifiedPlant {
     pub(super) plant: Box<dyn DynPlant>,
     pub(super) test: ValidationSet,
 }
 
 /// What a trainer is made from.
-pub(super) struct Material<'a> {
+pub(super) struct TrainerInputs<'a> {
     plant: &'a dyn DynPlant,
     training: Training,
     validation: ValidationSet,
@@ -253,7 +253,7 @@ impl Unknown {
     }
 }
 
-impl Material<'_> {
+impl TrainerInputs<'_> {
     /// How many iterations a training has at most.
     pub(super) fn iterations(&self) -> u64 {
         self.training.config.phases.iter().map(|phase| phase.iterations).sum()
@@ -299,7 +299,7 @@ struct Session {
 
 impl Session {
     fn begin(
-        material: &Material<'_>,
+        inputs: &TrainerInputs<'_>,
         experiment: &Experiment,
         threads: usize,
         verbosity: Verbosity,
@@ -307,13 +307,13 @@ impl Session {
     ) -> Result<Self, RunError> {
         let begun = Instant::now();
         let mut fingerprint = experiment.normalized().fingerprint();
-        if let Some(data) = &material.measured {
+        if let Some(data) = &inputs.measured {
             // The config only names the files; a training is resumed with the same measurements or
             // not at all.
             fingerprint.extend(data.digest.iter().map(|byte| format!("{byte:02x}")));
         }
         let fresh = Self {
-            trainer: material.trainer(threads)?,
+            trainer: inputs.trainer(threads)?,
             threads,
             fingerprint,
             rows: Vec::new(),
@@ -322,7 +322,7 @@ impl Session {
             optimizer: Duration::ZERO,
             earlier: Duration::ZERO,
             begun,
-            stage: Stage::begin(verbosity, "training", material.iterations()),
+            stage: Stage::begin(verbosity, "training", inputs.iterations()),
         };
         match run_dir.path(file::CHECKPOINT) {
             path if path.exists() => fresh.resume_from(&path, run_dir),
@@ -331,10 +331,10 @@ impl Session {
     }
 
     /// Continues on as many threads, if they are others than now.
-    fn use_threads(&mut self, material: &Material<'_>, threads: usize) -> Result<(), RunError> {
+    fn use_threads(&mut self, inputs: &TrainerInputs<'_>, threads: usize) -> Result<(), RunError> {
         if threads != self.threads {
             let state = self.trainer.checkpoint().clone();
-            self.trainer = material.trainer(threads)?.resume(state)?;
+            self.trainer = inputs.trainer(threads)?.resume(state)?;
             self.threads = threads;
         }
         Ok(())
@@ -366,7 +366,7 @@ impl Session {
     /// Trains to the end and returns why that was the end.
     fn work(
         &mut self,
-        material: &Material<'_>,
+        inputs: &TrainerInputs<'_>,
         run_dir: &RunDir,
         effort: &Effort,
         threads: &Threads<'_>,
@@ -383,7 +383,7 @@ impl Session {
                 return Ok("time-limit".to_owned());
             }
             if last_look.elapsed() >= threads.every {
-                self.use_threads(material, (threads.now)())?;
+                self.use_threads(inputs, (threads.now)())?;
                 last_look = Instant::now();
             }
             let clock = Instant::now();

@@ -11,8 +11,8 @@ use crew::Crew;
 use pinc_config::{Experiment, Plants, SweepSpec, Trial, nets_of_parameters, sweep_models, trials};
 use pinc_record::work::{Estimate, Ledger, Queue, effort, expected};
 use pinc_record::{
-    Best, CsvText, Invocation, Provenance, RecordError, RunDir, Standing, SummaryTable, SweepDir,
-    SweepMetrics, TrialColumn, TrialMetric, TrialTable, file,
+    Best, CsvText, Eligibility, Invocation, Provenance, RecordError, RunDir, SummaryTable,
+    SweepDir, SweepMetrics, TrialColumn, TrialMetric, TrialTable, file,
 };
 use pinc_runs::invocation::{cores, invocation};
 use pinc_runs::progress::Verbosity;
@@ -103,8 +103,8 @@ pub(crate) fn units_left(experiment: &Experiment, dir: &Path) -> Result<usize, R
     if RunDir::is_of(dir, experiment) {
         ledger.look_up(&sweep_dir)?;
     }
-    let left = trials.iter().zip(ledger.standings());
-    let left = left.filter(|(trial, s)| !ledger.knows(trial) && *s != Standing::Dropped);
+    let left = trials.iter().zip(ledger.eligibility());
+    let left = left.filter(|(trial, s)| !ledger.knows(trial) && *s != Eligibility::Dropped);
     let left = left.map(|(trial, _)| trial);
     let unit = |trial: &'_ Trial| match sweep_dir.is_trained(trial.unit()) {
         true => trial.id.clone(),
@@ -254,12 +254,12 @@ impl<'a> Session<'a> {
     /// Which of these trials are to be run, and of which that is not known yet.
     fn left(&self, mine: &[&'a Trial]) -> (Vec<&'a Trial>, Vec<&'a Trial>) {
         let ledger = self.ledger();
-        let standings = ledger.standings_by_id();
+        let eligibility = ledger.eligibility_by_id();
         let mut known = HashSet::new();
         // Cases may be equal in some preset.
         let left = mine.iter().filter(|trial| !ledger.knows(trial) && known.insert(&trial.id));
-        let left = left.filter(|trial| standings[trial.id.as_str()] != Standing::Dropped);
-        left.partition(|trial| standings[trial.id.as_str()] == Standing::Open)
+        let left = left.filter(|trial| eligibility[trial.id.as_str()] != Eligibility::Dropped);
+        left.partition(|trial| eligibility[trial.id.as_str()] == Eligibility::Open)
     }
 
     /// Whether a search drops trials.
@@ -407,9 +407,9 @@ fn tables(
     ledger: &Ledger<'_>,
 ) -> [(&'static str, CsvText); 3] {
     let sweep = experiment.sweep.as_ref().expect("a sweep has the section");
-    let (results, standings) = (ledger.results(), ledger.standings());
+    let (results, eligibility) = (ledger.results(), ledger.eligibility());
     let models = sweep_models(experiment, trials);
-    let table = |columns| TrialTable::new(columns, sweep, trials, results, &standings).to_csv();
+    let table = |columns| TrialTable::new(columns, sweep, trials, results, &eligibility).to_csv();
     [
         (file::SWEEP, table(TrialColumn::of_sweep(experiment, sweep, &models))),
         (file::SUMMARY, SummaryTable::new(experiment, sweep, trials, results).to_csv()),

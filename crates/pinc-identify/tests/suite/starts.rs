@@ -2,7 +2,7 @@
 
 use crate::support::{noise, oscillator, plant, problem, simulated, steps};
 use pinc_identify::{
-    Finding, FitStatus, Identified, IdentifyError, InitialState, Problem, Recording, identify,
+    Diagnosis, FitStatus, Identified, IdentifyError, InitialState, Problem, Recording, identify,
     identify_from_starts,
 };
 use pinc_ode::{DynPlant, Integrator, Model};
@@ -62,7 +62,7 @@ fn an_overflow_that_one_start_never_reaches_is_found_from_many() {
     assert_eq!(single.parameters[1].value.to_bits(), 20.0_f64.to_bits());
     // Both act as soon as the level is within reach; that the data cannot tell them is not said.
     let inactive = single.findings.iter().filter_map(|finding| match finding {
-        Finding::Inactive { name, acts_at } => Some((name.as_str(), acts_at.clone())),
+        Diagnosis::Inactive { name, acts_at } => Some((name.as_str(), acts_at.clone())),
         _ => None,
     });
     let inactive: Vec<_> = inactive.collect();
@@ -73,8 +73,8 @@ fn an_overflow_that_one_start_never_reaches_is_found_from_many() {
         assert!((0.1..=3.0).contains(&acts_at[1].1), "{acts_at:?}");
     }
     // 20 is its bound, but the data do not ask for more.
-    let silent = |finding: &Finding| {
-        matches!(finding, Finding::NoInfluence { .. } | Finding::AtBound { .. })
+    let silent = |finding: &Diagnosis| {
+        matches!(finding, Diagnosis::NoInfluence { .. } | Diagnosis::AtBound { .. })
     };
     assert!(!single.findings.iter().any(silent), "{:?}", single.findings);
     let said = single.findings.iter().map(ToString::to_string).collect::<Vec<_>>().join("\n");
@@ -187,5 +187,5 @@ fn a_parameter_that_acts_nowhere_is_told_from_one_that_is_inactive() {
     let found =
         identify(&mut *plant.model(Integrator::Rk4, 0.2, 2).unwrap(), &problem, &[recording])
             .unwrap();
-    assert_eq!(found.findings, [Finding::NoInfluence { name: "s".to_owned() }]);
+    assert_eq!(found.findings, [Diagnosis::NoInfluence { name: "s".to_owned() }]);
 }
