@@ -267,6 +267,18 @@ fn an_iteration_of_its_own_is_refused_by_name() {
     assert!(still.instructions.iter().filter(exponentials).count() > 9);
 }
 
+/// A method compiled for the equation needs no graph; at x = u^2 the plant rests.
+#[test]
+fn an_integrator_that_needs_the_graph_says_why_there_is_none() {
+    let heron = into_dyn(Heron);
+    let refused = heron.model(Integrator::Rosenbrock, 0.1, 1).err().unwrap().to_string();
+    let parts = ["the integrator `rosenbrock` cannot be made", "rhs", "by `solve_implicit`"];
+    assert!(parts.iter().all(|part| refused.contains(part)), "{refused}");
+    let mut next = [0.0];
+    heron.model(Integrator::Rk4, 0.1, 4).unwrap().step(&[4.0], &[2.0], &[], &mut next);
+    assert!((next[0] - 4.0).abs() < 1e-12, "{next:?}");
+}
+
 /// A select is one of the graph's values, and where it switches is known.
 #[test]
 fn a_select_is_recorded() {
