@@ -49,21 +49,25 @@ pub(crate) fn candidates() -> Vec<Candidate> {
     let tanks = || FourTanks::antonelo().into_dyn();
     let mut all = vec![
         Candidate::new("RK4, Van der Pol", OSCILLATOR, move || {
-            oscillator().model(Integrator::Rk4, 0.5, 4)
+            oscillator().model(Integrator::Rk4, 0.5, 4).unwrap()
         }),
         Candidate::new("RK5, Van der Pol", OSCILLATOR, move || {
-            oscillator().model(Integrator::Rk5, 0.5, 2)
+            oscillator().model(Integrator::Rk5, 0.5, 2).unwrap()
         }),
-        Candidate::new("Rodas4, Van der Pol", OSCILLATOR, move || {
-            oscillator().model(Integrator::Rosenbrock, 0.5, 4)
+        Candidate::new("Rosenbrock, Van der Pol", OSCILLATOR, move || {
+            oscillator().model(Integrator::Rosenbrock, 0.5, 4).unwrap()
         }),
-        Candidate::new("RK4, four tanks", TANKS, move || tanks().model(Integrator::Rk4, 10.0, 4)),
-        Candidate::new("RK5, four tanks", TANKS, move || tanks().model(Integrator::Rk5, 10.0, 2)),
-        Candidate::new("Rodas4, four tanks", TANKS, move || {
-            tanks().model(Integrator::Rosenbrock, 10.0, 4)
+        Candidate::new("RK4, four tanks", TANKS, move || {
+            tanks().model(Integrator::Rk4, 10.0, 4).unwrap()
+        }),
+        Candidate::new("RK5, four tanks", TANKS, move || {
+            tanks().model(Integrator::Rk5, 10.0, 2).unwrap()
+        }),
+        Candidate::new("Rosenbrock, four tanks", TANKS, move || {
+            tanks().model(Integrator::Rosenbrock, 10.0, 4).unwrap()
         }),
         Candidate::new("RK4, one tank", ([[2.0, 20.0]], [[0.5, 4.5]]), || {
-            OneTank::default().into_dyn().model(Integrator::Rk4, 10.0, 4)
+            OneTank::default().into_dyn().model(Integrator::Rk4, 10.0, 4).unwrap()
         }),
         Candidate::new("net, Van der Pol", OSCILLATOR, || net(&VanDerPol::default(), false)),
         Candidate::new("hard net, Van der Pol", OSCILLATOR, || net(&VanDerPol::default(), true)),
@@ -76,7 +80,7 @@ pub(crate) fn candidates() -> Vec<Candidate> {
         Candidate::new("a user's", ([[-3.0, 3.0]], [[-1.0, 1.0]]), || Box::new(Leaky))
             .with_parameters([[0.5, 1.5]]),
         Candidate::new("disturbed tanks", TANKS, move || {
-            Box::new(Disturbed::new(tanks().model(Integrator::Rk4, 10.0, 4)))
+            Box::new(Disturbed::new(tanks().model(Integrator::Rk4, 10.0, 4).unwrap()))
         })
         .with_parameters([[-0.1, 0.1]; 2]),
     ];
@@ -87,7 +91,7 @@ pub(crate) fn candidates() -> Vec<Candidate> {
 
 /// Models of estimators and of the controllers that use them.
 fn disturbed() -> Vec<Candidate> {
-    let tanks = || FourTanks::antonelo().into_dyn().model(Integrator::Rk4, 10.0, 4);
+    let tanks = || FourTanks::antonelo().into_dyn().model(Integrator::Rk4, 10.0, 4).unwrap();
     let with = |disturbance| Augmentation {
         disturbance,
         ..Augmentation::measured(Measured::states([0, 1]))
@@ -123,7 +127,7 @@ fn disturbed() -> Vec<Candidate> {
                 estimated: vec![1],
                 ..Augmentation::measured(vec![Measured::Output(1), Measured::State(1)])
             };
-            let reactor = plant_of(&["k2", "k1"], &REACTOR).model(Integrator::Rk4, 0.5, 2);
+            let reactor = plant_of(&["k2", "k1"], &REACTOR).model(Integrator::Rk4, 0.5, 2).unwrap();
             Box::new(Augmented::new(reactor, unknown).expect("it suits the reactor"))
         }),
     ]
@@ -139,47 +143,51 @@ fn texts() -> Vec<Candidate> {
     let units = ([[1e-6, 2e-6], [1e6, 3e6]], [[1e-7, 1e-6]]);
     let mut all = vec![
         Candidate::new("RK4, decay", decay, || {
-            plant_of(&["k"], &DECAY).model(Integrator::Rk4, 0.5, 2)
+            plant_of(&["k"], &DECAY).model(Integrator::Rk4, 0.5, 2).unwrap()
         })
         .with_parameters([[0.1, 3.0]]),
         Candidate::new("RK4, chain", chain, || {
-            chain_plant(&["k1", "k2", "g"]).model(Integrator::Rk4, 0.2, 2)
+            chain_plant(&["k1", "k2", "g"]).model(Integrator::Rk4, 0.2, 2).unwrap()
         })
         .with_parameters([[0.1, 2.0], [0.1, 2.0], [0.5, 1.5]]),
-        Candidate::new("Rodas4, chain", chain, || {
-            chain_plant(&["g", "k1"]).model(Integrator::Rosenbrock, 0.2, 2)
+        Candidate::new("Rosenbrock, chain", chain, || {
+            chain_plant(&["g", "k1"]).model(Integrator::Rosenbrock, 0.2, 2).unwrap()
         })
         .with_parameters([[0.5, 1.5], [0.1, 2.0]]),
         Candidate::new("RK5, units", units, || {
-            plant_of(&[], &UNITS).model(Integrator::Rk5, 1.0, 2)
+            plant_of(&[], &UNITS).model(Integrator::Rk5, 1.0, 2).unwrap()
         }),
-        Candidate::new("Rodas4, units", units, || {
-            plant_of(&["k"], &UNITS).model(Integrator::Rosenbrock, 1.0, 2)
+        Candidate::new("Rosenbrock, units", units, || {
+            plant_of(&["k"], &UNITS).model(Integrator::Rosenbrock, 1.0, 2).unwrap()
         })
         .with_parameters([[1e-7, 2e-7]]),
         Candidate::new("disturbed reactor", reactor, || {
-            Box::new(Disturbed::new(plant_of(&["k1"], &REACTOR).model(Integrator::Rk4, 0.5, 2)))
+            Box::new(Disturbed::new(
+                plant_of(&["k1"], &REACTOR).model(Integrator::Rk4, 0.5, 2).unwrap(),
+            ))
         })
         .with_parameters([[0.5, 2.0], [-0.1, 0.1]]),
     ];
     // Columns in several blocks, of which each reaches some of the rows.
     all.push(
         Candidate::new("RK4, rod", ([[0.1, 2.0]; 30], [[0.0, 1.0]]), || {
-            rod(30).model(Integrator::Rk4, 0.2, 3)
+            rod(30).model(Integrator::Rk4, 0.2, 3).unwrap()
         })
         .with_parameters([[0.5, 2.0]]),
     );
     all.push(
         Candidate::new("RK5, rod", ([[0.1, 2.0]; 30], [[0.0, 1.0]]), || {
-            rod(30).model(Integrator::Rk5, 0.2, 1)
+            rod(30).model(Integrator::Rk5, 0.2, 1).unwrap()
         })
         .with_parameters([[0.5, 2.0]]),
     );
     type Build = fn(&dyn DynPlant) -> Box<dyn Model>;
     let methods: [(&str, &str, Build); 3] = [
-        ("RK4, reactor", "RK4, vessels", |plant| plant.model(Integrator::Rk4, 0.5, 2)),
-        ("RK5, reactor", "RK5, vessels", |plant| plant.model(Integrator::Rk5, 0.5, 2)),
-        ("Rodas4, reactor", "Rodas4, vessels", |plant| plant.model(Integrator::Rosenbrock, 0.5, 2)),
+        ("RK4, reactor", "RK4, vessels", |plant| plant.model(Integrator::Rk4, 0.5, 2).unwrap()),
+        ("RK5, reactor", "RK5, vessels", |plant| plant.model(Integrator::Rk5, 0.5, 2).unwrap()),
+        ("Rosenbrock, reactor", "Rosenbrock, vessels", |plant| {
+            plant.model(Integrator::Rosenbrock, 0.5, 2).unwrap()
+        }),
     ];
     for (name, algebraic, method) in methods {
         let build = move || method(&*plant_of(&["k2", "k1"], &REACTOR));

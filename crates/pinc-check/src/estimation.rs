@@ -190,7 +190,7 @@ fn linearized(
     let measurement = control.measurement.clone().unwrap_or_default();
     let LoopParameters { names, values, estimated } = subject.experiment.loop_parameters();
     let plant = subject.experiment.plant.family(&names);
-    let model = plant.model(Integrator::Rk4, subject.step_s(), control.rk4_substeps);
+    let model = plant.model(Integrator::Rk4, subject.step_s(), control.rk4_substeps).ok()?;
     let parameters = (&values[..], &estimated[..]);
     let augmentation = estimator.augmentation(&measurement, &variables, parameters);
     let mut model = Augmented::new(model, augmentation).ok()?;

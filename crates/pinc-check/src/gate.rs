@@ -69,7 +69,7 @@ fn judged(
     let parameters = (&values[..], &estimated[..]);
     let augmentation = estimator.augmentation(&measurement, &variables, parameters);
     let model = || {
-        let model = plant.model(integrator, subject.step_s(), substeps);
+        let model = plant.model(integrator, subject.step_s(), substeps).ok()?;
         Augmented::new(model, augmentation.clone()).ok()
     };
     let tuning = estimator.tuning();

@@ -155,13 +155,13 @@ impl<'a> IntegratorBox<'a> {
 
     /// The error of one step of an integrator, in widths of the box.
     pub(crate) fn error(&self, integrator: Integrator, substeps: usize) -> Option<RmsError> {
-        let mut model = self.model(integrator, substeps);
+        let mut model = self.model(integrator, substeps)?;
         self.truth.as_ref().map(|truth| truth.rms_error(&mut *model))
     }
 
     /// The errors of one step of an integrator, with the worst point that was found.
     pub(crate) fn worst(&mut self, integrator: Integrator, substeps: usize) -> Option<DomainError> {
-        let mut model = self.model(integrator, substeps);
+        let mut model = self.model(integrator, substeps)?;
         self.truth.as_mut().map(|truth| truth.judge(&mut *model))
     }
 
@@ -187,9 +187,9 @@ impl<'a> IntegratorBox<'a> {
         self.truth.as_ref().map_or(0, DomainTruth::unsolved)
     }
 
-    fn model(&self, integrator: Integrator, substeps: usize) -> Box<dyn Model> {
+    fn model(&self, integrator: Integrator, substeps: usize) -> Option<Box<dyn Model>> {
         let plant = self.family.as_deref().unwrap_or(self.plant);
-        plant.model(integrator, self.step_s, substeps)
+        plant.model(integrator, self.step_s, substeps).ok()
     }
 }
 

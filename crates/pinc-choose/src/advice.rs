@@ -2,7 +2,7 @@
 
 use crate::candidate::{Candidate, LONGER};
 use crate::judge::{Score, Standard, Tried};
-use crate::search::{Found, Search};
+use crate::search::{Search, SearchResult};
 use pinc_net::TrainingTarget;
 use std::fmt;
 
@@ -50,7 +50,7 @@ impl<'a> Advice<'a> {
     /// The advice that a search comes to; `notes` say what could not be tried. Nothing if no loop
     /// stands.
     #[must_use]
-    pub fn of(search: &Search<'_>, found: &'a Found, notes: &'a [String]) -> Option<Self> {
+    pub fn of(search: &Search<'_>, found: &'a SearchResult, notes: &'a [String]) -> Option<Self> {
         let standard = search.standard(&found.tried)?;
         let (winner, score) = standard.winner(&found.tried)?;
         let (within, is_out_of_time) = (search.within, found.is_out_of_time);

@@ -19,4 +19,4 @@ mod search;
 pub use advice::Advice;
 pub use candidate::{Candidate, Shape};
 pub use judge::{Score, Standard, Tried};
-pub use search::{Found, Loops, Purpose, Search};
+pub use search::{Loops, Purpose, Search, SearchResult};

@@ -2,6 +2,7 @@
 
 use crate::disturbed::{Arguments, BLOCK, Disturbed};
 use crate::{Augmentation, Disturbance, EstimateError, Measured};
+use pinc_mpc::{NmpcProblem, Weights};
 use pinc_ode::{Dims, Linearization, Model, OutputLinearization, Stages};
 
 /// A model whose parameters are the estimated disturbances and parameters, w = (d, theta): what a
@@ -10,7 +11,8 @@ use pinc_ode::{Dims, Linearization, Model, OutputLinearization, Stages};
 ///
 /// A disturbance of a measured state is part of the state here: the controller sees x + d, which is
 /// what follows references and is bounded, and the model is x + d -> F(x, u) + d. Disturbances of
-/// other outputs are added to these. [`Augmentation::read`] makes this state of an estimate.
+/// other outputs are added to these. [`Augmentation::read`] makes that of an estimate;
+/// [`Compensated::problem`] begins the control problem of this model.
 ///
 /// ```
 /// use pinc_estimate::{Augmentation, Compensated, Disturbance, Measured};
@@ -59,6 +61,15 @@ impl Compensated {
         }
         let x = vec![0.0; BLOCK * inner.dims().nx];
         Ok(Self { inner, shifted, outputs, x })
+    }
+
+    /// The control problem of this model, as [`NmpcProblem::new`] has it: until an estimator says
+    /// otherwise, there are no disturbances, and the estimated parameters have the values of
+    /// [`Augmentation::parameters`].
+    #[must_use]
+    pub fn problem(&self, horizon: usize, weights: Weights) -> NmpcProblem {
+        let parameters = self.inner.nominal();
+        NmpcProblem { parameters, ..NmpcProblem::new(self.dims(), horizon, weights) }
     }
 
     /// Takes the disturbances off the states of some points.

@@ -187,6 +187,14 @@ impl Disturbed {
         self.disturbances + self.augmentation.estimated.len()
     }
 
+    /// w without disturbances, the estimated parameters at the values of the augmentation.
+    pub(crate) fn nominal(&self) -> Vec<f64> {
+        let Augmentation { parameters, estimated, .. } = &self.augmentation;
+        let mut w = vec![0.0; self.disturbances];
+        w.extend(estimated.iter().map(|&index| parameters[index]));
+        w
+    }
+
     pub(crate) fn measured(&self) -> &[Measured] {
         &self.augmentation.measured
     }

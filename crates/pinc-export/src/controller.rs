@@ -72,10 +72,8 @@ impl<'a> Controller<'a> {
             Some((equations, names)) => {
                 let names: Vec<&str> = names.iter().map(String::as_str).collect();
                 let plant = equations.compile_with(&names)?.into_dyn();
-                Box::new(WithOutputs::new(
-                    net,
-                    plant.model(Integrator::Rk4, self.sample_time_s(), 1),
-                ))
+                let outputs = plant.model(Integrator::Rk4, self.sample_time_s(), 1)?;
+                Box::new(WithOutputs::new(net, outputs))
             }
         })
     }

@@ -4,6 +4,7 @@ use pinc_estimate::EstimateError;
 use pinc_expr::ExpressionError;
 use pinc_mpc::MpcError;
 use pinc_net::NetError;
+use pinc_ode::OdeError;
 use thiserror::Error;
 
 /// An error of this crate.
@@ -25,6 +26,9 @@ pub enum ExportError {
     /// Equations that are none.
     #[error("the plant's equations: {0}")]
     Equations(Box<ExpressionError>),
+    /// An integrator that is no model of the plant.
+    #[error("the model: {0}")]
+    Integrator(#[from] OdeError),
     /// A controller that is none.
     #[error("the controller: {0}")]
     Controller(#[from] MpcError),

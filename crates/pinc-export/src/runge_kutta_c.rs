@@ -34,7 +34,7 @@ impl RungeKuttaModel<'_> {
     /// The model, as the library has it.
     pub(crate) fn library(&self) -> Result<Box<dyn Model>, ExportError> {
         let plant = self.plant()?;
-        Ok(plant.model(self.method, self.sample_time_s, self.substeps))
+        Ok(plant.model(self.method, self.sample_time_s, self.substeps)?)
     }
 }
 

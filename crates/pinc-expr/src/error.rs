@@ -140,7 +140,7 @@ pub enum ExpressionProblem {
     #[error(
         "the equations need {0} values at once, expected {most} at most: states, inputs and \
          intermediate values until their last use. Make arrays shorter, or write the plant in Rust, \
-         where nothing limits it",
+         whose right-hand side has no such limit",
         most = crate::program::MOST_REGISTERS
     )]
     TooLarge(usize),

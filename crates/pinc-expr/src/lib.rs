@@ -175,8 +175,13 @@ pub struct ExpressionPlant {
     rhs: Program,
     outputs: Option<Outputs>,
     algebraic: Option<AlgebraicSystem>,
-    /// These functions with their Jacobians.
-    sparse: SparsePlant<GroupedFunction>,
+    sparse: SparseEquations,
+}
+
+/// The equations with their Jacobians, of which integrators are made.
+#[derive(Clone, Debug)]
+struct SparseEquations {
+    plant: SparsePlant<GroupedFunction>,
     rates: Arc<Rates>,
 }
 

@@ -9,7 +9,7 @@ use crate::implicit::AlgebraicSystem;
 use crate::listing::Listing;
 use crate::program::Program;
 use crate::traced::{Traced, Tracer};
-use crate::{ExpressionPlant, Outputs, Rates, variable};
+use crate::{ExpressionPlant, Outputs, Rates, SparseEquations, variable};
 use pinc_ode::{Dims, Plant, SparsePlant, Variable};
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -92,29 +92,19 @@ impl PlantGraph {
         self.states.len() + self.inputs.len() + self.parameters.len()
     }
 
-    pub(crate) fn compile(self) -> Result<ExpressionPlant, ExpressionError> {
+    /// The equations with their Jacobians.
+    pub(crate) fn into_sparse(self) -> Result<SparseEquations, ExpressionError> {
         let variables = self.variables();
         let Self { graph, states, inputs, parameters, derivatives, outputs, algebraic, .. } = self;
-        let all = variables + algebraic.names.len();
-        let program = |values: &[Value], key: &str| {
-            Program::new(&graph, all, values).map_err(|problem| problem.at(key))
-        };
-        let rhs = program(&derivatives, "derivatives")?;
-        let own = match &outputs[..] {
-            [] => None,
-            values => {
-                let variables = self.output_variables;
-                Some(Outputs { variables, program: program(values, "outputs")? })
-            }
-        };
         let grouped = |values: &[Value], key: &str| {
             let function = GroupedFunction::new(&graph, variables, &algebraic, values);
             function.map_err(|problem| problem.at(key))
         };
+        let ny = if outputs.is_empty() { states.len() } else { outputs.len() };
         let dims = Dims::new(states.len(), inputs.len())
             .with_parameters(parameters.len())
-            .with_outputs(if outputs.is_empty() { states.len() } else { outputs.len() });
-        let sparse = SparsePlant {
+            .with_outputs(ny);
+        let plant = SparsePlant {
             dims,
             rhs: grouped(&derivatives, "derivatives")?,
             outputs: match &outputs[..] {
@@ -122,17 +112,35 @@ impl PlantGraph {
                 values => Some(grouped(values, "outputs")?),
             },
         };
-        let system = AlgebraicSystem::new(&graph, variables, &algebraic);
+        Ok(SparseEquations {
+            plant,
+            rates: Arc::new(Rates { graph, algebraic, values: derivatives }),
+        })
+    }
+
+    pub(crate) fn compile(self) -> Result<ExpressionPlant, ExpressionError> {
+        let all = self.variables() + self.algebraic.names.len();
+        let program = |values: &[Value], key: &str| {
+            Program::new(&self.graph, all, values).map_err(|problem| problem.at(key))
+        };
+        let rhs = program(&self.derivatives, "derivatives")?;
+        let outputs = match &self.outputs[..] {
+            [] => None,
+            values => {
+                let variables = self.output_variables.clone();
+                Some(Outputs { variables, program: program(values, "outputs")? })
+            }
+        };
+        let system = AlgebraicSystem::new(&self.graph, self.variables(), &self.algebraic);
         let system = system.map_err(|problem| problem.at("algebraic"))?;
         Ok(ExpressionPlant {
-            sparse,
-            rates: Arc::new(Rates { graph, algebraic, values: derivatives }),
-            algebraic: (!system.blocks.is_empty()).then_some(system),
-            states,
-            inputs,
-            parameters,
+            states: self.states.clone(),
+            inputs: self.inputs.clone(),
+            parameters: self.parameters.clone(),
             rhs,
-            outputs: own,
+            outputs,
+            algebraic: (!system.blocks.is_empty()).then_some(system),
+            sparse: self.into_sparse()?,
         })
     }
 

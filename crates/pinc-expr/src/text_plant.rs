@@ -1,11 +1,11 @@
 //! Text plants with their type erased: their integrators use the sparse Jacobian.
 
 use crate::grouped::GroupedCurved;
-use crate::{ExpressionError, ExpressionPlant};
+use crate::{ExpressionError, ExpressionPlant, Rates, SparseEquations};
 use pinc_ad::simd::{Isa, Simd, Task};
 use pinc_ode::{
-    AnyVectorRhs, Dims, DynPlant, DynRhs, Integrator, Model, Plant, Rodas4, Scheme, SparseFunction,
-    SparsePlant, SparsityPattern, Variable, sparse_rodas4, sparse_runge_kutta,
+    AnyVectorRhs, Dims, DynPlant, DynRhs, Integrator, Model, OdeError, Plant, Scheme,
+    SparseFunction, SparsePlant, SparsityPattern, Variable, sparse_rosenbrock, sparse_runge_kutta,
 };
 use std::sync::Arc;
 
@@ -16,23 +16,41 @@ impl ExpressionPlant {
     pub fn into_dyn(self) -> Box<dyn DynPlant> {
         Box::new(TextPlant(self))
     }
+}
 
-    /// The Rosenbrock method over steps of `sample_time_s` seconds, each in `substeps` parts.
-    ///
-    /// # Errors
-    ///
-    /// If the second derivatives need too many values at once.
-    pub(crate) fn rosenbrock(
+impl SparseEquations {
+    /// The integrator over steps of `sample_time_s` seconds, each in `substeps` parts.
+    pub(crate) fn integrator(
         &self,
+        integrator: Integrator,
         sample_time_s: f64,
         substeps: usize,
-    ) -> Result<Box<dyn Model>, ExpressionError> {
-        let Self { sparse, rates, .. } = self;
-        let rhs = GroupedCurved::new(&sparse.rhs, &rates.graph, &rates.algebraic, &rates.values);
-        let rhs = rhs.map_err(|problem| problem.at("derivatives"))?;
-        let plant = SparsePlant { dims: sparse.dims, rhs, outputs: sparse.outputs.clone() };
-        Ok(sparse_rodas4(plant, sample_time_s, substeps, Isa::detect()))
+    ) -> Result<Box<dyn Model>, OdeError> {
+        let (plant, isa) = (self.plant.clone(), Isa::detect());
+        match integrator.scheme() {
+            Scheme::Explicit(tableau) => {
+                Ok(sparse_runge_kutta(plant, tableau, sample_time_s, substeps, isa))
+            }
+            Scheme::LinearlyImplicit => {
+                let SparsePlant { dims, outputs, .. } = plant;
+                let rhs = self.curved().map_err(|error| no_model(integrator, &error))?;
+                let plant = SparsePlant { dims, rhs, outputs };
+                Ok(sparse_rosenbrock(plant, sample_time_s, substeps, isa))
+            }
+        }
     }
+
+    /// The derivatives of the states with their second derivatives.
+    fn curved(&self) -> Result<GroupedCurved, ExpressionError> {
+        let Rates { graph, algebraic, values } = &*self.rates;
+        let rhs = GroupedCurved::new(&self.plant.rhs, graph, algebraic, values);
+        rhs.map_err(|problem| problem.at("derivatives"))
+    }
+}
+
+/// Says that an integrator cannot be made, with the reason.
+pub(crate) fn no_model(integrator: Integrator, error: &ExpressionError) -> OdeError {
+    OdeError::NoModel { integrator, reason: error.to_string() }
 }
 
 /// A plant that is no [`Plant`] for others: those have integrators compiled for their equation.
@@ -41,7 +59,7 @@ struct TextPlant(ExpressionPlant);
 
 impl DynRhs for TextPlant {
     fn dims(&self) -> Dims {
-        self.0.sparse.dims
+        self.0.sparse.plant.dims
     }
 
     fn states(&self) -> &[Variable] {
@@ -73,7 +91,7 @@ impl DynRhs for TextPlant {
     }
 
     fn jacobian(&self, x: &[f64], u: &[f64], p: &[f64]) -> Vec<f64> {
-        let function = &self.0.sparse.rhs;
+        let function = &self.0.sparse.plant.rhs;
         let at = [x, u, p].concat();
         let entries = Isa::detect().dispatch(Entries { function, at: &at });
         dense(function.pattern(), &entries)
@@ -93,17 +111,13 @@ impl DynRhs for TextPlant {
 }
 
 impl DynPlant for TextPlant {
-    fn model(&self, integrator: Integrator, sample_time_s: f64, substeps: usize) -> Box<dyn Model> {
-        match integrator.scheme() {
-            Scheme::Explicit(tableau) => {
-                let plant = self.0.sparse.clone();
-                sparse_runge_kutta(plant, tableau, sample_time_s, substeps, Isa::detect())
-            }
-            Scheme::LinearlyImplicit => self
-                .0
-                .rosenbrock(sample_time_s, substeps)
-                .unwrap_or_else(|_| Box::new(Rodas4::new(self.0.clone(), sample_time_s, substeps))),
-        }
+    fn model(
+        &self,
+        integrator: Integrator,
+        sample_time_s: f64,
+        substeps: usize,
+    ) -> Result<Box<dyn Model>, OdeError> {
+        self.0.sparse.integrator(integrator, sample_time_s, substeps)
     }
 }
 

@@ -6,7 +6,7 @@
 
 use pinc_ad::Scalar;
 use pinc_identify::{
-    Channel, Finding, FitStatus, IdentifyError, InitialState, Measured, Problem, Recording,
+    Channel, Diagnosis, FitStatus, IdentifyError, InitialState, Measured, Problem, Recording,
     Unknown, identify,
 };
 use pinc_ode::{Model, Plant, Rk4, Variable};
@@ -84,6 +84,6 @@ pub(crate) fn main() -> Result<(), IdentifyError> {
     let record = Recording { name: "pump off", u: &idle, y: &falling };
     let found = identify(&mut model, &problem, &[record])?;
     found.findings.iter().for_each(|finding| println!("{finding}"));
-    assert!(found.findings.contains(&Finding::NoInfluence { name: "k".to_owned() }));
+    assert!(found.findings.contains(&Diagnosis::NoInfluence { name: "k".to_owned() }));
     Ok(())
 }

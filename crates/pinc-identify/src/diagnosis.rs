@@ -33,7 +33,7 @@ pub enum Side {
 /// Something that a user of the estimates should know.
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
-pub enum Finding {
+pub enum Diagnosis {
     /// The iteration did not converge.
     NotConverged {
         /// How it ended.
@@ -126,7 +126,7 @@ pub enum Finding {
     },
 }
 
-impl fmt::Display for Finding {
+impl fmt::Display for Diagnosis {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::NotConverged { status } => {
@@ -253,10 +253,10 @@ pub(crate) fn findings(
     analysis: &Analysis,
     start: &[Trajectory],
     with: &mut Evaluation<'_>,
-) -> Vec<Finding> {
+) -> Vec<Diagnosis> {
     let mut all = Vec::new();
     if found.status != FitStatus::Converged {
-        all.push(Finding::NotConverged { status: found.status });
+        all.push(Diagnosis::NotConverged { status: found.status });
     }
     let names: Vec<String> = found.estimates().map(|of| of.name.clone()).collect();
     all.extend(without_influence(problem, fit, &names, analysis, with));
@@ -265,10 +265,12 @@ pub(crate) fn findings(
     for (i, channel) in found.channels.iter().enumerate() {
         all.extend(of_a_channel(problem, fit, i, channel));
     }
-    let doubtful = |finding: &Finding| {
+    let doubtful = |finding: &Diagnosis| {
         !matches!(
             finding,
-            Finding::NoInfluence { .. } | Finding::Inactive { .. } | Finding::Undetermined { .. }
+            Diagnosis::NoInfluence { .. }
+                | Diagnosis::Inactive { .. }
+                | Diagnosis::Undetermined { .. }
         )
     };
     if all.len() > before || all.iter().any(doubtful) {
@@ -284,19 +286,19 @@ fn without_influence(
     names: &[String],
     analysis: &Analysis,
     with: &mut Evaluation<'_>,
-) -> Vec<Finding> {
+) -> Vec<Diagnosis> {
     let parameters = 0..problem.unknown.len();
     let (silent, states): (Vec<usize>, Vec<usize>) =
         analysis.without_influence.iter().partition(|i| parameters.contains(i));
     let found = acting_elsewhere(problem, fit, &silent, with);
     let of_parameters = silent.iter().zip(found).map(|(&i, acts_at)| match acts_at {
-        None => Finding::NoInfluence { name: names[i].clone() },
-        Some(values) => Finding::Inactive {
+        None => Diagnosis::NoInfluence { name: names[i].clone() },
+        Some(values) => Diagnosis::Inactive {
             name: names[i].clone(),
             acts_at: silent.iter().map(|&i| names[i].clone()).zip(values).collect(),
         },
     });
-    let of_states = states.iter().map(|&i| Finding::NoInfluence { name: names[i].clone() });
+    let of_states = states.iter().map(|&i| Diagnosis::NoInfluence { name: names[i].clone() });
     of_parameters.chain(of_states).collect()
 }
 
@@ -305,7 +307,7 @@ fn of_the_unknowns(
     found: &Identified,
     names: &[String],
     analysis: &Analysis,
-) -> Vec<Finding> {
+) -> Vec<Diagnosis> {
     let mut all = Vec::new();
     for direction in &analysis.directions {
         let largest = direction.iter().fold(0.0, |most: f64, v| most.max(v.abs()));
@@ -313,22 +315,22 @@ fn of_the_unknowns(
         let entries = names.iter().cloned().zip(direction);
         let named = entries.filter(|(_, v)| v.abs() > NAMED * largest);
         let direction = named.map(|(name, v)| (name, sign * v / largest)).collect();
-        all.push(Finding::Undetermined { direction });
+        all.push(Diagnosis::Undetermined { direction });
     }
     for ((estimate, unknown), sd) in found.parameters.iter().zip(&problem.unknown).zip(&analysis.sd)
     {
         let name = || estimate.name.clone();
         if let Some(side) = estimate.at_bound.filter(|_| sd.is_nan()) {
-            all.push(Finding::AtBound { name: name(), side, value: estimate.value });
+            all.push(Diagnosis::AtBound { name: name(), side, value: estimate.value });
         }
         let share = estimate.half_width.map_or(0.0, |width| width / estimate.value.abs());
         if share > WEAK {
-            all.push(Finding::Weak { name: name(), share });
+            all.push(Diagnosis::Weak { name: name(), share });
         }
         let factor = estimate.value / unknown.initial;
         let far = factor.is_finite() && (factor.abs() >= UNITS || factor.abs() <= 1.0 / UNITS);
         if far && estimate.half_width.is_some() && share <= WEAK {
-            all.push(Finding::Far { name: name(), factor });
+            all.push(Diagnosis::Far { name: name(), factor });
         }
     }
     for i in 0..problem.unknown.len() {
@@ -336,17 +338,22 @@ fn of_the_unknowns(
             let correlation = analysis.correlation[i * names.len() + j];
             if correlation.abs() > PAIR {
                 let names = [names[j].clone(), names[i].clone()];
-                all.push(Finding::Correlated { names, correlation });
+                all.push(Diagnosis::Correlated { names, correlation });
             }
         }
     }
     all
 }
 
-fn of_a_channel(problem: &Problem, fit: &Fit<'_>, i: usize, channel: &ChannelFit) -> Vec<Finding> {
+fn of_a_channel(
+    problem: &Problem,
+    fit: &Fit<'_>,
+    i: usize,
+    channel: &ChannelFit,
+) -> Vec<Diagnosis> {
     let name = || channel.name.clone();
     if channel.measurements == 0 {
-        return vec![Finding::NeverMeasured { name: name() }];
+        return vec![Diagnosis::NeverMeasured { name: name() }];
     }
     let mut all = Vec::new();
     let given = problem.channels[i].sd;
@@ -365,12 +372,12 @@ fn of_a_channel(problem: &Problem, fit: &Fit<'_>, i: usize, channel: &ChannelFit
     }
     if noise > 0.0 && channel.rms > limit * noise {
         let (rms, given) = (channel.rms, given.is_some());
-        all.push(Finding::Misfit { name: name(), rms, noise, given });
+        all.push(Diagnosis::Misfit { name: name(), rms, noise, given });
     }
     // White residuals stay within this at all but one in ten thousand.
     let most = 4.0 / count(channel.measurements).sqrt();
     if channel.measurements >= 20 && channel.correlation > most.max(0.15) {
-        all.push(Finding::NotWhite { name: name(), correlation: channel.correlation });
+        all.push(Diagnosis::NotWhite { name: name(), correlation: channel.correlation });
     }
     all
 }
@@ -394,7 +401,7 @@ fn of_units(
     fit: &Fit<'_>,
     start: &[Trajectory],
     with: &mut Evaluation<'_>,
-) -> Vec<Finding> {
+) -> Vec<Diagnosis> {
     let mut all = Vec::new();
     let channels = problem.channels.len();
     let p = problem.start();
@@ -410,7 +417,7 @@ fn of_units(
         }
         let factor = measured / model;
         if factor.is_finite() && (factor >= UNITS || (factor > 0.0 && factor <= 1.0 / UNITS)) {
-            all.push(Finding::Units { name: channel.name.clone(), factor });
+            all.push(Diagnosis::Units { name: channel.name.clone(), factor });
         }
     }
     let cost: f64 = start.iter().map(|of| of.cost).sum();
@@ -418,7 +425,7 @@ fn of_units(
         for factor in [1e-3, 1e3] {
             let other = cost_with(problem, fit, (&p, input, factor), with);
             if other < 0.01 * cost || (other.is_finite() && !cost.is_finite()) {
-                all.push(Finding::InputUnits { name: problem.inputs[input].clone(), factor });
+                all.push(Diagnosis::InputUnits { name: problem.inputs[input].clone(), factor });
             }
         }
     }

@@ -4,7 +4,7 @@ use pinc_ode::Dims;
 use thiserror::Error;
 
 /// An error of this crate: parts that do not fit together, or data of which nothing can be
-/// identified. That a fit is poor is no error but a [`Finding`](crate::Finding).
+/// identified. That a fit is poor is no error but a [`Diagnosis`](crate::Diagnosis).
 #[derive(Clone, Debug, Error, PartialEq)]
 #[non_exhaustive]
 pub enum IdentifyError {

@@ -6,7 +6,7 @@
 //! - [`identify`]: the fit, by single or multiple shooting, whichever is needed;
 //!   [`identify_from_starts`]: the same from many starts, of which the best is taken.
 //! - [`Identified`]: values with intervals of 95 %, correlations, residuals, and in words what the
-//!   data do not determine and what looks wrong ([`Finding`]).
+//!   data do not determine and what looks wrong ([`Diagnosis`]).
 //!
 //! An [`IdentifyError`] means that the parts do not fit together. A poor fit is none: it is said in
 //! the findings.
@@ -30,7 +30,7 @@ mod student;
 mod trajectory;
 mod triangle;
 
-pub use diagnosis::{Finding, Side};
+pub use diagnosis::{Diagnosis, Side};
 pub use error::IdentifyError;
 pub use fit::FitStatus;
 pub use identify::identify;

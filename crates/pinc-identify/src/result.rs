@@ -1,7 +1,7 @@
 //! What was identified, and how far it can be trusted.
 
 use crate::analysis::Analysis;
-use crate::diagnosis::{self, Finding, Side};
+use crate::diagnosis::{self, Diagnosis, Side};
 use crate::fit::{Fit, FitStatus};
 use crate::method::Method;
 use crate::problem::{Problem, Recording};
@@ -46,7 +46,7 @@ pub struct Identified {
     /// cost.
     pub starts: Vec<Start>,
     /// Findings about the data and the fit.
-    pub findings: Vec<Finding>,
+    pub findings: Vec<Diagnosis>,
     /// The work done.
     pub work: Work,
 }

@@ -8,7 +8,7 @@ use crate::guard::{Guard, Trust};
 use crate::horizon::Horizon;
 use crate::kkt::KktResidual;
 use crate::solution::Solution;
-use crate::sqp::{Outcome, Sqp, Standing, StepInput};
+use crate::sqp::{Outcome, PlanState, Sqp, StepInput};
 use crate::{MpcError, NmpcProblem, SqpConfig, SqpStatus, StepWork};
 use pinc_ode::Model;
 use pinc_qp::{OcpDims, all_finite};
@@ -72,24 +72,11 @@ pub struct Nmpc {
     plan: Solution,
     /// The last plan that was followed, shifted.
     fallback: Solution,
-    /// Whether the plan's states are worth starting from.
-    warm: bool,
-    /// Whether the plan is a guess only, since the time was up before it was worth following; the
-    /// last plan that was is the fallback.
-    tentative: bool,
-    /// For how many steps it has been.
-    waited: usize,
-    /// Whether nobody knows what the model says of the plan: where it says nothing, the next step
-    /// starts afresh.
-    unjudged: bool,
-    /// Whether there is a plan that was good enough to be followed without need.
-    has_fallback: bool,
-    /// Whether the first plan is to stay at the state of the first step.
-    unplaced: bool,
-    /// Whether the plan is shifted.
-    shifted: bool,
-    /// Whether the problem is linearized there.
-    prepared: bool,
+    guess: Guess,
+    phase: Phase,
+    /// What is known of the plan. If it was not evaluated and the model has no value there, the
+    /// next step starts afresh.
+    plan_state: PlanState,
     /// u\[k-1\]
     previous: Vec<f64>,
     /// The inputs that are under way, the next to act first, `[delay, m]`.
@@ -98,6 +85,32 @@ pub struct Nmpc {
     start: Vec<f64>,
     next: Vec<f64>,
     guard: Option<Guard>,
+}
+
+/// What the plan is worth as the first guess of the next step.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Guess {
+    /// Nothing: the first guess stays at the state measured.
+    Cold,
+    /// The inputs are known, and the states stay at that of the first step.
+    Held,
+    /// Its states are worth starting from. `fallback`: it was also good enough to be followed
+    /// without need.
+    Warm { fallback: bool },
+    /// It is a guess only, since the time was up before it was worth following, for so many steps
+    /// in a row; the last plan that was is the fallback.
+    Tentative { waited: usize },
+}
+
+/// How far the next step is prepared.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Phase {
+    /// The plan is that of the last step.
+    Solved,
+    /// The plan is shifted by a step.
+    Shifted,
+    /// The problem is linearized along it.
+    Linearized,
 }
 
 /// The result of a control step.
@@ -177,14 +190,9 @@ impl Nmpc {
             sqp,
             fallback: plan.clone(),
             plan,
-            warm: false,
-            tentative: false,
-            waited: 0,
-            unjudged: false,
-            has_fallback: false,
-            unplaced: false,
-            shifted: false,
-            prepared: false,
+            guess: Guess::Cold,
+            phase: Phase::Solved,
+            plan_state: PlanState::Evaluated,
             previous: vec![0.0; dims.nu],
             start: vec![0.0; dims.nx],
             next: vec![0.0; dims.nx],
@@ -243,7 +251,9 @@ impl Nmpc {
         check_finite("parameters", p, self.parameters.len())?;
         self.parameters.copy_from_slice(p);
         self.sqp.set_parameters(p);
-        self.prepared = false;
+        if self.phase == Phase::Linearized {
+            self.phase = Phase::Shifted;
+        }
         Ok(())
     }
 
@@ -264,13 +274,9 @@ impl Nmpc {
     pub fn reset(&mut self) {
         self.plan.clear();
         self.sqp.forget();
-        self.warm = false;
-        self.tentative = false;
-        self.unjudged = false;
-        self.has_fallback = false;
-        self.unplaced = false;
-        self.shifted = false;
-        self.prepared = false;
+        self.guess = Guess::Cold;
+        self.phase = Phase::Solved;
+        self.plan_state = PlanState::Evaluated;
         self.previous.fill(0.0);
         self.pending.fill(0.0);
     }
@@ -310,15 +316,14 @@ impl Nmpc {
             u.copy_from_slice(u_applied);
         }
         self.plan.hold(u_applied);
-        self.unplaced = true;
+        self.guess = Guess::Held;
         Ok(())
     }
 
     /// Begins the first plan at `x`.
     fn place(&mut self, x: &[f64]) {
         self.plan.stay_at(x);
-        self.unplaced = false;
-        self.warm = true;
+        self.guess = Guess::Warm { fallback: false };
     }
 
     /// Checks an input for [`Nmpc::set_applied_input`], for callers that have more to do with it.
@@ -441,14 +446,12 @@ impl Nmpc {
         self.previous.copy_from_slice(&other.previous);
         self.pending.copy_from_slice(&other.pending);
         self.start.copy_from_slice(&other.start);
-        self.warm = other.warm;
-        self.tentative = other.tentative;
-        self.waited = other.waited;
-        self.unjudged = other.unjudged;
-        self.has_fallback = other.has_fallback;
-        self.unplaced = other.unplaced;
-        self.shifted = other.shifted;
-        self.prepared = false;
+        self.guess = other.guess;
+        self.plan_state = other.plan_state;
+        self.phase = match other.phase {
+            Phase::Linearized => Phase::Shifted,
+            phase => phase,
+        };
     }
 
     /// A step from a finite state, without a guard.
@@ -458,7 +461,7 @@ impl Nmpc {
         reference: &[f64],
         expired: &mut dyn FnMut() -> bool,
     ) -> Planned {
-        if self.unplaced {
+        if self.guess == Guess::Held {
             self.place(x);
         }
         self.predict_delay(x);
@@ -467,7 +470,8 @@ impl Nmpc {
             self.prepare_linearization();
         }
         let mut outcome = self.optimize(reference, expired);
-        if outcome.status == SqpStatus::NumericalTrouble && self.unjudged {
+        let unknown = self.plan_state != PlanState::Evaluated;
+        if outcome.status == SqpStatus::NumericalTrouble && unknown {
             self.plan.stay_at(&self.start);
             self.sqp.project(&mut self.plan, &self.previous);
             outcome = self.optimize(reference, expired);
@@ -511,7 +515,7 @@ impl Nmpc {
     /// the plan on and linearizes along it. If it is not called, the step does it; without
     /// [`SqpConfig::real_time`], or without a plan to start from, nothing is done.
     pub fn prepare(&mut self) {
-        if self.config.real_time && self.warm && !self.prepared {
+        if self.config.real_time && self.is_warm() && self.phase != Phase::Linearized {
             // Where the plan leads, as long as nothing is measured.
             self.start.copy_from_slice(&self.plan.states()[..self.dims.nx]);
             self.shift_warm_start();
@@ -520,9 +524,9 @@ impl Nmpc {
     }
 
     fn prepare_linearization(&mut self) {
-        if !self.prepared {
+        if self.phase != Phase::Linearized {
             self.sqp.prepare(&mut self.horizon, &self.start, &self.plan);
-            self.prepared = true;
+            self.phase = Phase::Linearized;
         }
     }
 
@@ -537,19 +541,21 @@ impl Nmpc {
 
     /// Makes the last plan the first guess of the next, unless it is already.
     fn shift_warm_start(&mut self) {
-        if std::mem::replace(&mut self.shifted, true) {
+        if self.phase != Phase::Solved {
             return;
         }
+        self.phase = Phase::Shifted;
+        let tentative = matches!(self.guess, Guess::Tentative { .. });
         if self.horizon.is_uniform() {
             self.plan.shift();
-            if self.tentative {
+            if tentative {
                 self.fallback.shift();
             }
         } else {
             self.fallback.copy_from(&self.plan);
             self.plan.resample(&self.fallback, self.horizon.times());
         }
-        if !self.warm {
+        if !self.is_warm() {
             // Where the model has no value for what is under way, the states stay as they are.
             if all_finite(&self.start) {
                 self.plan.stay_at(&self.start);
@@ -558,7 +564,7 @@ impl Nmpc {
             }
         }
         self.sqp.project(&mut self.plan, &self.previous);
-        if self.tentative {
+        if tentative {
             self.sqp.project(&mut self.fallback, &self.previous);
         } else {
             self.fallback.copy_from(&self.plan);
@@ -568,45 +574,51 @@ impl Nmpc {
     /// Keeps the new plan if it is worth following, or else takes the first guess. Gives the
     /// status, and whether the plan is followed.
     fn accept(&mut self, outcome: &Outcome) -> (SqpStatus, bool) {
-        let Outcome { mut status, iterations, last, mut standing, .. } = *outcome;
+        let Outcome { mut status, iterations, last, mut plan_state, .. } = *outcome;
         let finite = self.plan.is_finite();
         if !finite {
             status = SqpStatus::NumericalTrouble;
         }
+        let (mut has_fallback, mut waited) = match self.guess {
+            Guess::Cold | Guess::Held => (false, 0),
+            Guess::Warm { fallback } => (fallback, 0),
+            Guess::Tentative { waited } => (true, waited),
+        };
         let credible = last.dynamics <= self.config.tolerance.sqrt();
-        if credible && standing == Standing::Underway {
+        if credible && plan_state == PlanState::Partial {
             // What is true to the model is the plan before.
             if self.horizon.is_uniform() {
                 self.sqp.copy_base(&mut self.fallback);
-                self.has_fallback = true;
-                self.waited = 0;
+                (has_fallback, waited) = (true, 0);
             } else {
                 self.sqp.copy_base(&mut self.plan);
-                standing = Standing::Judged;
+                plan_state = PlanState::Evaluated;
             }
         }
-        let good = match standing {
-            Standing::Judged => {
-                matches!(status, SqpStatus::Converged | SqpStatus::Prepared) || credible
-            }
-            // As a real-time iteration, if that started from a good plan.
-            Standing::Stepped => credible || !self.tentative && self.has_fallback,
-            Standing::Underway => false,
-        };
-        let guess = finite && !good && status == SqpStatus::Deadline && self.has_guess();
-        self.tentative = guess && self.has_fallback && self.waited < MOST_WAITING;
-        self.waited = if self.tentative { self.waited + 1 } else { 0 };
+        let solved = matches!(status, SqpStatus::Converged | SqpStatus::Prepared);
+        let started_good = self.guess == Guess::Warm { fallback: true };
+        let good = finite
+            && match plan_state {
+                PlanState::Evaluated => solved || credible,
+                // As a real-time iteration, if that started from a good plan.
+                PlanState::Stepped => credible || started_good,
+                PlanState::Partial => false,
+            };
+        let usable = finite && !good && status == SqpStatus::Deadline && self.has_guess();
+        let tentative = usable && has_fallback && waited < MOST_WAITING;
         // With nothing to fall back on, a plan on its way is better than none.
-        let followed = finite && good || guess && !self.tentative;
-        self.unjudged = standing != Standing::Judged;
-        self.has_fallback = finite && good || self.tentative;
-        self.warm = followed || self.tentative;
-        self.shifted = false;
-        self.prepared = false;
-        if status != SqpStatus::Converged && status != SqpStatus::Prepared {
+        let followed = good || usable && !tentative;
+        self.guess = match (tentative, followed) {
+            (true, _) => Guess::Tentative { waited: waited + 1 },
+            (false, true) => Guess::Warm { fallback: good },
+            (false, false) => Guess::Cold,
+        };
+        self.plan_state = plan_state;
+        self.phase = Phase::Solved;
+        if !solved {
             tracing::debug!(%status, iterations, kkt = last.max(), "a control step did not converge");
         }
-        if self.tentative {
+        if tentative {
             let first = self.dims.input(0);
             self.plan.z[first].copy_from_slice(self.fallback.first_input());
         } else if !followed {
@@ -618,11 +630,16 @@ impl Nmpc {
         (status, followed)
     }
 
+    /// Whether the plan's states are worth starting from.
+    fn is_warm(&self) -> bool {
+        matches!(self.guess, Guess::Warm { .. } | Guess::Tentative { .. })
+    }
+
     /// Whether a plan that cannot be followed yet is a better guess for the next step than to stay:
     /// there was one before, or the optimization has brought one. On stages of different lengths
     /// there is no memory to keep two plans.
     fn has_guess(&self) -> bool {
-        self.horizon.is_uniform() && (self.warm || self.plan != self.fallback)
+        self.horizon.is_uniform() && (self.is_warm() || self.plan != self.fallback)
     }
 
     /// Puts the input handed out, u[k-1] of the next step, under way.

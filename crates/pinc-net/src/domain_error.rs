@@ -92,7 +92,7 @@ pub struct WorstStep {
 }
 
 /// A place of the search, in widths from the lower ends, and the error there.
-struct Found {
+struct SearchPoint {
     place: Vec<f64>,
     error: f64,
 }
@@ -177,11 +177,11 @@ impl DomainTruth {
         let mut order: Vec<usize> = (0..errors.len()).collect();
         order.sort_by(|&a, &b| errors[b].total_cmp(&errors[a]));
         let p99 = errors[order[errors.len() / 100]];
-        let mut found: Vec<Found> = Vec::new();
+        let mut found: Vec<SearchPoint> = Vec::new();
         for &i in &order {
             let place = self.place(i);
             if found.len() < STARTS && found.iter().all(|other| apart(&other.place, &place)) {
-                found.push(Found { place, error: errors[i] });
+                found.push(SearchPoint { place, error: errors[i] });
             }
         }
         let most = (EVALUATIONS * self.ends.len()).min(errors.len() / STARTS);
@@ -252,7 +252,7 @@ impl DomainTruth {
     /// A local maximum of the error, by the pattern search of Hooke and Jeeves (Journal of the ACM
     /// 8, 1961, 212): moves along one variable at a time, and again along the sum of those that
     /// helped.
-    fn climb(&mut self, start: Found, most: usize, model: &mut dyn Model) -> Found {
+    fn climb(&mut self, start: SearchPoint, most: usize, model: &mut dyn Model) -> SearchPoint {
         let (mut best, mut step, mut evaluations) = (start, FIRST_STEP, 0);
         while step > LAST_STEP && best.error.is_finite() && evaluations < most {
             let before = best.place.clone();
@@ -278,11 +278,11 @@ impl DomainTruth {
         best
     }
 
-    fn improve(&mut self, best: &mut Found, place: Vec<f64>, model: &mut dyn Model) -> bool {
+    fn improve(&mut self, best: &mut SearchPoint, place: Vec<f64>, model: &mut dyn Model) -> bool {
         let error = self.error_at(&place, model);
         let better = error > best.error;
         if better {
-            *best = Found { place, error };
+            *best = SearchPoint { place, error };
         }
         better
     }

@@ -3,9 +3,7 @@
 
 use divan::{Bencher, black_box};
 use pinc_expr::Equations;
-use pinc_ode::{
-    Dims, DynPlant, Integrator, Linearization, Model, Plant, Rk4, Rodas4, Stages, Variable,
-};
+use pinc_ode::{Dims, DynPlant, Integrator, Linearization, Model, Plant, Rk4, Stages, Variable};
 use pinc_plants::{AcetoneColumn, AcetoneStill, FourTanks, VanDerPol};
 
 const SUBSTEPS: [usize; 5] = [1, 4, 5, 10, 50];
@@ -42,7 +40,7 @@ fn four_tanks(substeps: usize) -> Rk4<FourTanks> {
     Rk4::new(FourTanks::antonelo(), 10.0, substeps)
 }
 
-fn step<P: Plant>(bencher: Bencher<'_, '_>, model: &mut Rk4<P>, x: &[f64], u: &[f64]) {
+fn step(bencher: Bencher<'_, '_>, model: &mut dyn Model, x: &[f64], u: &[f64]) {
     let mut next = vec![0.0; x.len()];
     bencher.bench_local(|| model.step(black_box(x), black_box(u), &[], black_box(&mut next)));
 }
@@ -73,24 +71,34 @@ fn linearize_stages_four_tanks(bencher: Bencher<'_, '_>, stages: usize) {
 /// Plants that solve equations inside: four calls a stage.
 #[divan::bench]
 fn step_still(bencher: Bencher<'_, '_>) {
-    step(bencher, &mut Rk4::new(AcetoneStill::default(), 60.0, 1), &STILL.0, &STILL.1);
+    step(
+        bencher,
+        &mut *AcetoneStill::default().into_dyn().model(Integrator::Rk4, 60.0, 1).unwrap(),
+        &STILL.0,
+        &STILL.1,
+    );
 }
 
 #[divan::bench]
 fn step_column(bencher: Bencher<'_, '_>) {
-    step(bencher, &mut Rk4::new(AcetoneColumn::default(), 60.0, 1), &COLUMN.0, &COLUMN.1);
+    step(
+        bencher,
+        &mut *AcetoneColumn::default().into_dyn().model(Integrator::Rk4, 60.0, 1).unwrap(),
+        &COLUMN.0,
+        &COLUMN.1,
+    );
 }
 
 #[divan::bench(args = [1, 2, 5, 10, 20])]
 fn linearize_stages_still(bencher: Bencher<'_, '_>, stages: usize) {
-    let mut model = Rk4::new(AcetoneStill::default(), 60.0, 1);
-    linearize_stages(bencher, &mut model, &STILL.0, &STILL.1, stages);
+    let mut model = AcetoneStill::default().into_dyn().model(Integrator::Rk4, 60.0, 1).unwrap();
+    linearize_stages(bencher, &mut *model, &STILL.0, &STILL.1, stages);
 }
 
 #[divan::bench(args = [1, 2, 5, 10, 20])]
 fn linearize_stages_column(bencher: Bencher<'_, '_>, stages: usize) {
-    let mut model = Rk4::new(AcetoneColumn::default(), 60.0, 1);
-    linearize_stages(bencher, &mut model, &COLUMN.0, &COLUMN.1, stages);
+    let mut model = AcetoneColumn::default().into_dyn().model(Integrator::Rk4, 60.0, 1).unwrap();
+    linearize_stages(bencher, &mut *model, &COLUMN.0, &COLUMN.1, stages);
 }
 
 const STILL: ([f64; 2], [f64; 2]) = ([0.17, 0.27], [4.0, 100.0]);
@@ -111,40 +119,34 @@ fn linearize_stages_four_tanks_as_text(bencher: Bencher<'_, '_>, stages: usize) 
 
 /// The Rosenbrock method, two substeps.
 #[divan::bench(args = [1, 5, 10, 20])]
-fn rodas4_stages_van_der_pol(bencher: Bencher<'_, '_>, stages: usize) {
-    let mut model = Rodas4::new(VanDerPol::default(), 0.5, 2);
-    linearize_stages(bencher, &mut model, &[1.0, -0.5], &[0.3], stages);
-}
-
-#[divan::bench(args = [1, 5, 10, 20])]
-fn rodas4_stages_van_der_pol_as_text(bencher: Bencher<'_, '_>, stages: usize) {
-    let mut model = compiled(&van_der_pol_as_text()).model(Integrator::Rosenbrock, 0.5, 2);
+fn rosenbrock_stages_van_der_pol(bencher: Bencher<'_, '_>, stages: usize) {
+    let plant = VanDerPol::default().into_dyn();
+    let mut model = plant.model(Integrator::Rosenbrock, 0.5, 2).unwrap();
     linearize_stages(bencher, &mut *model, &[1.0, -0.5], &[0.3], stages);
 }
 
 #[divan::bench(args = [1, 5, 10, 20])]
-fn rodas4_stages_four_tanks(bencher: Bencher<'_, '_>, stages: usize) {
-    let mut model = Rodas4::new(FourTanks::antonelo(), 10.0, 2);
-    linearize_stages(bencher, &mut model, &[9.0, 14.0, 2.5, 2.5], &[2.5, 2.5], stages);
+fn rosenbrock_stages_van_der_pol_as_text(bencher: Bencher<'_, '_>, stages: usize) {
+    let mut model = compiled(&van_der_pol_as_text()).model(Integrator::Rosenbrock, 0.5, 2).unwrap();
+    linearize_stages(bencher, &mut *model, &[1.0, -0.5], &[0.3], stages);
 }
 
 #[divan::bench(args = [1, 5, 10, 20])]
-fn rodas4_stages_four_tanks_as_text(bencher: Bencher<'_, '_>, stages: usize) {
-    let mut model = compiled(&four_tanks_as_text()).model(Integrator::Rosenbrock, 10.0, 2);
+fn rosenbrock_stages_four_tanks(bencher: Bencher<'_, '_>, stages: usize) {
+    let plant = FourTanks::antonelo().into_dyn();
+    let mut model = plant.model(Integrator::Rosenbrock, 10.0, 2).unwrap();
     linearize_stages(bencher, &mut *model, &[9.0, 14.0, 2.5, 2.5], &[2.5, 2.5], stages);
 }
 
-/// The same on dual numbers.
-#[divan::bench(args = [20])]
-fn rodas4_stages_four_tanks_as_text_on_dual_numbers(bencher: Bencher<'_, '_>, stages: usize) {
-    let plant = four_tanks_as_text().compile().expect("valid equations");
-    let mut model = Rodas4::new(plant, 10.0, 2);
-    linearize_stages(bencher, &mut model, &[9.0, 14.0, 2.5, 2.5], &[2.5, 2.5], stages);
+#[divan::bench(args = [1, 5, 10, 20])]
+fn rosenbrock_stages_four_tanks_as_text(bencher: Bencher<'_, '_>, stages: usize) {
+    let mut model = compiled(&four_tanks_as_text()).model(Integrator::Rosenbrock, 10.0, 2).unwrap();
+    linearize_stages(bencher, &mut *model, &[9.0, 14.0, 2.5, 2.5], &[2.5, 2.5], stages);
 }
 
 #[divan::bench(args = [10, 20, 50])]
-fn rodas4_20_stages_of_a_rod(bencher: Bencher<'_, '_>, nodes: usize) {
-    let mut model = compiled(&rod(nodes)).model(Integrator::Rosenbrock, 1.0, 2);
+fn rosenbrock_20_stages_of_a_rod(bencher: Bencher<'_, '_>, nodes: usize) {
+    let mut model = compiled(&rod(nodes)).model(Integrator::Rosenbrock, 1.0, 2).unwrap();
     linearize_stages(bencher, &mut *model, &vec![1.0; nodes], &[0.3], 20);
 }
 
@@ -196,7 +198,7 @@ fn compiled(equations: &Equations) -> Box<dyn DynPlant> {
 }
 
 fn rk4(equations: &Equations, sample_time_s: f64) -> Box<dyn Model> {
-    compiled(equations).model(Integrator::Rk4, sample_time_s, 4)
+    compiled(equations).model(Integrator::Rk4, sample_time_s, 4).unwrap()
 }
 
 fn linearize_stages(

@@ -109,8 +109,8 @@ impl DynRhs for BlackBox {
 }
 
 impl DynPlant for BlackBox {
-    fn model(&self, _: Integrator, sample_time_s: f64, _substeps: usize) -> Box<dyn Model> {
-        Box::new(NoModel { dims: self.dims(), sample_time_s })
+    fn model(&self, integrator: Integrator, _: f64, _: usize) -> Result<Box<dyn Model>, OdeError> {
+        Err(OdeError::NoModel { integrator, reason: "a black box has no equation".to_owned() })
     }
 }
 
@@ -127,34 +127,6 @@ impl<V: Simd> VectorRhs<V> for NoEquation {
         dx: &mut [VectorDual<V>],
     ) {
         dx.fill(VectorDual::lift(x[0].re.constant(f64::NAN)));
-    }
-}
-
-/// What an integrator makes of it.
-#[derive(Clone, Copy, Debug)]
-struct NoModel {
-    dims: Dims,
-    sample_time_s: f64,
-}
-
-impl Model for NoModel {
-    fn dims(&self) -> Dims {
-        self.dims
-    }
-
-    fn sample_time_s(&self) -> f64 {
-        self.sample_time_s
-    }
-
-    fn step(&mut self, _x: &[f64], _u: &[f64], _p: &[f64], next: &mut [f64]) {
-        next.fill(f64::NAN);
-    }
-
-    fn linearize(&mut self, at: Stages<'_>, out: Linearization<'_>) {
-        out.check(at.count(self.dims), self.dims);
-        for part in [out.next, out.a, out.b, out.e] {
-            part.fill(f64::NAN);
-        }
     }
 }
 
@@ -375,8 +347,10 @@ mod tests {
     #[test]
     fn integrators_have_nothing_to_integrate() {
         let mut next = [0.0];
-        lag(1.0).model(Integrator::Rk5, 0.1, 4).step(&[1.0], &[0.0], &[], &mut next);
-        assert!(next[0].is_nan());
+        let refused = lag(1.0).model(Integrator::Rk5, 0.1, 4).err().map(|error| error.to_string());
+        let reason =
+            "the integrator `rk5` cannot be made of the plant: a black box has no equation";
+        assert_eq!(refused.as_deref(), Some(reason));
         lag(1.0).rhs(&[1.0], &[0.0], &[], &mut next);
         assert!(next[0].is_nan());
     }

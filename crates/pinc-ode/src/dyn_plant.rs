@@ -1,10 +1,9 @@
 //! Plants whose type is erased: what is compiled once per plant, and all else once.
 
 use crate::black_box::NoEquation;
-use crate::outlined::evaluate;
-use crate::{BlackBox, Dims, Integrator, Model, Plant, Variable};
-use pinc_ad::Dual;
+use crate::{BlackBox, Dims, Integrator, Model, OdeError, Plant, Variable};
 use pinc_ad::simd::{Isa, Simd, Task, Work};
+use pinc_ad::{Dual, Scalar};
 use std::any::Any;
 use std::fmt::{self, Debug};
 use std::sync::Arc;
@@ -72,6 +71,13 @@ pub trait DynRhs: Debug + Send + Sync {
     fn black_box(&self) -> Option<&BlackBox> {
         None
     }
+}
+
+/// Writes f(x, u, p) into `dx`. Not inlined, so that the equation is compiled once for each kind of
+/// number.
+#[inline(never)]
+fn evaluate<P: Plant, S: Scalar>(plant: &P, x: &[S], u: &[S], p: &[S], dx: &mut [S]) {
+    plant.rhs(x, u, p, dx);
 }
 
 impl<P: Plant> DynRhs for P {
@@ -162,7 +168,16 @@ impl<P: Plant> DynRhs for P {
 /// a build: ask for [`DynRhs`] where that is enough.
 pub trait DynPlant: DynRhs {
     /// The integrator over steps of `sample_time_s` seconds, each in `substeps` parts.
-    fn model(&self, integrator: Integrator, sample_time_s: f64, substeps: usize) -> Box<dyn Model>;
+    ///
+    /// # Errors
+    ///
+    /// [`OdeError::NoModel`] if it cannot be made of this plant.
+    fn model(
+        &self,
+        integrator: Integrator,
+        sample_time_s: f64,
+        substeps: usize,
+    ) -> Result<Box<dyn Model>, OdeError>;
 }
 
 /// f(x, u, p) on vectors of points. A training kernel calls it once for a vector, so that the call

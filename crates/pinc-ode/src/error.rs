@@ -1,5 +1,6 @@
 //! What can go wrong with an integration or a signal.
 
+use crate::Integrator;
 use thiserror::Error;
 
 /// An error of this crate.
@@ -36,6 +37,14 @@ pub enum OdeError {
     #[error("the plant's own program: {reason}")]
     External {
         /// What it says, or what is wrong with what it says.
+        reason: String,
+    },
+    /// An integrator that cannot be made of a plant.
+    #[error("the integrator `{integrator}` cannot be made of the plant: {reason}")]
+    NoModel {
+        /// The integrator.
+        integrator: Integrator,
+        /// Why not.
         reason: String,
     },
     /// Times and values that are not a piecewise-constant signal.

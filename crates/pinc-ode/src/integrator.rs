@@ -15,7 +15,7 @@ pub enum Integrator {
     /// [`DormandPrince`](crate::DormandPrince).
     Rk5,
     /// The linearly implicit Rosenbrock method RODAS of order 4, for stiff plants:
-    /// [`Rodas4`](crate::Rodas4).
+    /// [`sparse_rosenbrock`](crate::sparse_rosenbrock).
     Rosenbrock,
 }
 

@@ -6,8 +6,8 @@
 //!   erased.
 //! - [`Loaded`]: a plant with given parameters and loads.
 //! - [`Model`]: a discrete-time model x\[k+1\] = F(x\[k\], u\[k\], p) with its Jacobians, which is
-//!   all that a controller sees of a model. [`Rk4`], [`Rk5`] and, for stiff plants, [`Rodas4`] are
-//!   models made of a plant; a trained net is another.
+//!   all that a controller sees of a model. [`Rk4`] and [`Rk5`] are models made of a plant, the
+//!   Rosenbrock method for stiff plants is one ([`Integrator`]); a trained net is another.
 //! - [`AccurateIntegrator`]: the reference solutions that models are compared with. It is
 //!   [`Dopri5`], and an implicit method where the plant is stiff.
 //! - [`PiecewiseConstant`], [`Trajectory`], [`metrics`]: inputs and references over time, sampled
@@ -26,12 +26,10 @@ mod integrator;
 mod loaded;
 pub mod metrics;
 mod model;
-mod outlined;
 mod output;
 mod piecewise_constant;
 mod plant;
 mod points;
-mod rodas4;
 mod runge_kutta;
 mod seulex;
 mod simulator;
@@ -51,12 +49,11 @@ pub use loaded::Loaded;
 pub use model::{Dims, Linearization, LinearizationBuffer, Model, OutputLinearization, Stages};
 pub use piecewise_constant::PiecewiseConstant;
 pub use plant::{Over, Plant};
-pub use rodas4::Rodas4;
 pub use runge_kutta::{Classical, DormandPrince, Method, Rk4, Rk5, RungeKutta};
 pub use simulator::Simulator;
 pub use sparse::{
     Curvature, CurvedFunction, SparseFunction, SparsePlant, SparsityPattern, Tableau,
-    sparse_rodas4, sparse_runge_kutta,
+    sparse_rosenbrock, sparse_runge_kutta,
 };
 pub use tangent::Tangent;
 pub use trajectory::Trajectory;

@@ -68,11 +68,6 @@ pub trait Plant: Clone + Debug + Send + Sync + 'static {
     /// several points at once.
     const LONG: bool = false;
 
-    /// The number of states and inputs together, for a plant whose sizes are constants and which
-    /// has no parameters. There are several ways to compute Jacobians; the Runge-Kutta methods of
-    /// such a plant are compiled for the one that suits its number of columns only.
-    const COLUMNS: Option<usize> = None;
-
     /// The states, in order; their number is `nx`.
     fn states(&self) -> &[Variable];
 

@@ -89,7 +89,6 @@ impl<K: Scalar> AcetoneColumn<K> {
 
 impl Plant for AcetoneColumn {
     const LONG: bool = true;
-    const COLUMNS: Option<usize> = Some(2 * STAGES + 2);
 
     fn states(&self) -> &[Variable] {
         static VARIABLES: [Variable; 2 * STAGES] = [

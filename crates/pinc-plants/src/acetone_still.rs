@@ -75,7 +75,6 @@ impl<K: Scalar> AcetoneStill<K> {
 
 impl Plant for AcetoneStill {
     const LONG: bool = true;
-    const COLUMNS: Option<usize> = Some(4);
 
     fn states(&self) -> &[Variable] {
         static VARIABLES: [Variable; 2] = [Variable::new("xa", ""), Variable::new("xm", "")];

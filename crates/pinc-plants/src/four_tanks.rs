@@ -86,8 +86,6 @@ impl<K: Scalar> FourTanks<K> {
 }
 
 impl Plant for FourTanks {
-    const COLUMNS: Option<usize> = Some(6);
-
     fn states(&self) -> &[Variable] {
         static VARIABLES: [Variable; 4] = [
             Variable::new("h1", "cm"),

@@ -127,8 +127,6 @@ impl<K: Scalar> HydraulicServo<K> {
 }
 
 impl Plant for HydraulicServo {
-    const COLUMNS: Option<usize> = Some(5);
-
     fn states(&self) -> &[Variable] {
         static VARIABLES: [Variable; 4] = [
             Variable::new("x", "m"),

@@ -42,8 +42,6 @@ impl<K: Scalar> OneTank<K> {
 }
 
 impl Plant for OneTank {
-    const COLUMNS: Option<usize> = Some(2);
-
     fn states(&self) -> &[Variable] {
         static VARIABLES: [Variable; 1] = [Variable::new("h", "cm")];
         &VARIABLES

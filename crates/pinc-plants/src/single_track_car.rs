@@ -122,7 +122,6 @@ impl<K: Scalar> SingleTrackCar<K> {
 
 impl Plant for SingleTrackCar {
     const LONG: bool = true;
-    const COLUMNS: Option<usize> = Some(6);
 
     fn states(&self) -> &[Variable] {
         static VARIABLES: [Variable; 4] = [

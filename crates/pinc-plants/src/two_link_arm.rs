@@ -70,7 +70,6 @@ impl<K: Scalar> TwoLinkArm<K> {
 
 impl Plant for TwoLinkArm {
     const LONG: bool = true;
-    const COLUMNS: Option<usize> = Some(6);
 
     fn states(&self) -> &[Variable] {
         static VARIABLES: [Variable; 4] = [

@@ -40,8 +40,6 @@ impl<K: Scalar> VanDerPol<K> {
 }
 
 impl Plant for VanDerPol {
-    const COLUMNS: Option<usize> = Some(3);
-
     fn states(&self) -> &[Variable] {
         static VARIABLES: [Variable; 2] = [Variable::new("x1", ""), Variable::new("x2", "")];
         &VARIABLES

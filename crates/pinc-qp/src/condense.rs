@@ -127,11 +127,7 @@ impl CondensedQp {
 
     /// Whether it came to the end before `expired` said that the time is up.
     fn condense(&mut self, qp: &Qp, expired: &mut dyn FnMut() -> bool) -> bool {
-        let done = match (qp.dims.nx, qp.dims.nu) {
-            (2, 1) => self.condense_sized(qp, 2, 1, expired),
-            (4, 2) => self.condense_sized(qp, 4, 2, expired),
-            (n, m) => self.condense_sized(qp, n, m, expired),
-        };
+        let done = sized!(qp.dims, |n, m| self.condense_sized(qp, n, m, expired));
         self.add_increments(qp);
         self.limit(qp);
         done
@@ -340,11 +336,7 @@ impl CondensedQp {
     fn expand(&mut self, qp: &Qp, step: &mut QpStep) {
         self.read_multipliers(qp, step);
         step.d[qp.dims.all_states()..].copy_from_slice(self.solver.x());
-        match (qp.dims.nx, qp.dims.nu) {
-            (2, 1) => expand_sized(qp, step, 2, 1),
-            (4, 2) => expand_sized(qp, step, 4, 2),
-            (n, m) => expand_sized(qp, step, n, m),
-        }
+        sized!(qp.dims, |n, m| expand_sized(qp, step, n, m));
     }
 
     fn read_multipliers(&mut self, qp: &Qp, step: &mut QpStep) {

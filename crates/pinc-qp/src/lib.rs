@@ -8,6 +8,25 @@
 
 #![forbid(unsafe_code)]
 
+/// Runs code with the numbers of states n and inputs m of a plant. For (2, 1) and (4, 2), the sizes
+/// of small plants, these are constants, and the loops over them, which the code must have inlined,
+/// are unrolled. The code stands three times in the program.
+macro_rules! sized {
+    ($dims:expr, |$n:ident, $m:ident| $run:expr) => {
+        match ($dims.nx, $dims.nu) {
+            (2, 1) => {
+                let ($n, $m) = (2, 1);
+                $run
+            }
+            (4, 2) => {
+                let ($n, $m) = (4, 2);
+                $run
+            }
+            ($n, $m) => $run,
+        }
+    };
+}
+
 mod algebra;
 mod choice;
 #[cfg(feature = "clarabel")]
@@ -347,11 +366,7 @@ impl Qp {
         }
         let (states, inputs) = gradient.split_at_mut(dims.all_states());
         let sums = [&mut *states, &mut *inputs];
-        match (dims.nx, dims.nu) {
-            (2, 1) => self.add_dynamics(&multipliers.dynamics, sums, 2, 1),
-            (4, 2) => self.add_dynamics(&multipliers.dynamics, sums, 4, 2),
-            (n, m) => self.add_dynamics(&multipliers.dynamics, sums, n, m),
-        }
+        sized!(dims, |n, m| self.add_dynamics(&multipliers.dynamics, sums, n, m));
         for (v, nu) in multipliers.increments.iter().enumerate() {
             inputs[v] += nu;
             if let Some(before) = v.checked_sub(dims.nu) {

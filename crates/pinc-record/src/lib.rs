@@ -55,7 +55,7 @@ pub use metrics::{
 };
 pub use provenance::{Invocation, Provenance};
 pub use run_dir::RunDir;
-pub use search::{Best, Search, Standing};
+pub use search::{Best, Eligibility, Search};
 pub use spread::Spread;
 pub use sweep_dir::{Claim, Ending, Finished, SweepDir, WorkerNote};
 pub use tables::{

@@ -7,7 +7,7 @@ use std::collections::HashMap;
 
 /// Whether a trial of a sweep is to be run.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub enum Standing {
+pub enum Eligibility {
     /// It is, or was.
     Open,
     /// That depends on others, which are not over.
@@ -54,19 +54,19 @@ impl<'a> Search<'a> {
 
     /// How each trial stands, when these are over.
     #[must_use]
-    pub fn standings(&self, results: &[Option<Finished>]) -> Vec<Standing> {
-        let mut standings = vec![Standing::Open; self.trials];
+    pub fn eligibility(&self, results: &[Option<Finished>]) -> Vec<Eligibility> {
+        let mut eligibility = vec![Eligibility::Open; self.trials];
         for group in &self.groups {
             let mut left: Vec<usize> = (0..self.spec.candidates).collect();
             let mut known = true;
             for (rung, candidates) in group.iter().enumerate() {
                 for (candidate, trials) in candidates.iter().enumerate() {
-                    let standing = match (left.contains(&candidate), known) {
-                        (false, _) => Standing::Dropped,
-                        (true, true) => Standing::Open,
-                        (true, false) => Standing::Waiting,
+                    let of_candidate = match (left.contains(&candidate), known) {
+                        (false, _) => Eligibility::Dropped,
+                        (true, true) => Eligibility::Open,
+                        (true, false) => Eligibility::Waiting,
                     };
-                    trials.iter().for_each(|&trial| standings[trial] = standing);
+                    trials.iter().for_each(|&trial| eligibility[trial] = of_candidate);
                 }
                 if known {
                     match self.best_of(candidates, &left, rung + 1, results) {
@@ -76,7 +76,7 @@ impl<'a> Search<'a> {
                 }
             }
         }
-        standings
+        eligibility
     }
 
     /// Those of the candidates `left` that reach a rung; none as long as one is not over.

@@ -45,25 +45,28 @@ impl<'e> Chosen<'e> {
         only: Option<ModelKind>,
         command: &'static str,
     ) -> Result<Self, RunError> {
-        let name = || experiment.name.clone();
-        let missing = |section| RunError::MissingSection { name: name(), section, command };
+        let name = &experiment.name;
+        let missing = |section| RunError::missing_section(name, section, command);
         let spec = experiment.control.as_ref().ok_or_else(|| missing("control"))?;
         if !spec.parameter_schedule.is_empty() {
             let key = "control.parameter_schedule";
-            return Err(RunError::WithSchedule { name: name(), command, key });
+            return Err(RunError::with_schedule(name, command, key));
         }
         let first = spec.models.first().copied().unwrap_or(ModelKind::RK4);
         let kind = only.unwrap_or(if model.is_some() { ModelKind::Pinc } else { first });
         if !spec.models.contains(&kind) {
-            return Err(RunError::MissingModel { name: name(), model: kind.name() });
+            return Err(RunError::missing_model(name, kind));
         }
         if model.is_some() && kind != ModelKind::Pinc {
-            return Err(RunError::UnusedModelFile { command, model: kind.name() });
+            let problem = format!(
+                "a model file is given beside `only` = \"{}\", which uses no net; leave one of \
+                 them out",
+                kind.name()
+            );
+            return Err(RunError::usage(format!("`{command}`"), problem));
         }
         let given = match (kind, model) {
-            (ModelKind::Pinc, None) => {
-                return Err(RunError::NoModelFile { name: name(), command });
-            }
+            (ModelKind::Pinc, None) => return Err(RunError::no_model_file(name, command)),
             (ModelKind::Pinc, Some(ModelFile::At(path))) => {
                 Some(matching_model(experiment, path, read_file(path)?)?)
             }

@@ -38,7 +38,11 @@ pub(crate) fn read(
         parse(variables, sample_time_s, &text, &mut measurements)
             .map_err(|(line, problem)| RunError::Csv { path: path.clone(), line, problem })?;
         if measurements.values() == before {
-            return Err(RunError::NoMeasurement { path: path.clone(), sample_time_s });
+            let problem = format!(
+                "nothing to compare a net with: expected a row with all states, and within T = \
+                 {sample_time_s} s of it, under the same input, one with a state"
+            );
+            return Err(RunError::usage(path.display(), problem));
         }
     }
     Ok(Data { measurements, digest: hash.finalize().into() })

@@ -1,6 +1,6 @@
 //! How wrong one step of a net is over the domain that it was trained on, beside RK4.
 
-use super::material::TrainingSetup;
+use super::training_setup::TrainingSetup;
 use crate::RunError;
 use pinc_net::{DomainTruth, PincModel, PincNet};
 use pinc_ode::{DynPlant, Integrator};
@@ -25,8 +25,11 @@ pub(super) fn judge(
         return Ok(None);
     }
     let judged = truth.judge(&mut PincModel::new(net)?);
-    let rk4 = |substeps| truth.rms(&mut *plant.model(Integrator::Rk4, sample_time_s, substeps));
-    let rk4 = Rk4Errors { one: rk4(1), two: rk4(2), four: rk4(4) };
+    let rk4 = |substeps| {
+        let model = plant.model(Integrator::Rk4, sample_time_s, substeps);
+        model.map(|mut model| truth.rms(&mut *model))
+    };
+    let rk4 = Rk4Errors { one: rk4(1)?, two: rk4(2)?, four: rk4(4)? };
     let parameters: Vec<_> = net.parameter_names().map(str::to_owned).collect();
     if run_dir.keeps_traces() {
         let variables = [net.state_names(), net.input_names(), &parameters].concat();

@@ -1,6 +1,6 @@
 //! What can go wrong with an experiment.
 
-use pinc_config::{ConfigError, ModelKind, Problem};
+use pinc_config::{ConfigError, ModelKind};
 use pinc_estimate::EstimateError;
 use pinc_export::ExportError;
 use pinc_identify::IdentifyError;
@@ -26,65 +26,13 @@ pub enum RunError {
     /// The error of a net that cannot be estimated.
     #[error("the error of the net cannot be estimated: {0}")]
     Verify(#[from] VerifyError),
-    /// The config lacks a section that the command needs.
-    #[error("{name}: the config has no section [{section}], which `{command}` needs")]
-    MissingSection {
-        /// The experiment.
-        name: String,
-        /// The section.
-        section: &'static str,
-        /// The command.
-        command: &'static str,
-    },
-    /// The config's closed loop lacks the requested model.
-    #[error("{name}: control.models does not contain `{model}`")]
-    MissingModel {
-        /// The experiment.
-        name: String,
-        /// The requested model.
-        model: &'static str,
-    },
-    /// The net is to be the model, and no file has it.
-    #[error(
-        "{name}: `{command}` with the model `pinc` needs --model FILE, a net that was trained; \
-        `pinc train` makes one, and --only names another of the config's models"
-    )]
-    NoModelFile {
-        /// The experiment.
-        name: String,
-        /// The command.
-        command: &'static str,
-    },
-    /// A net for a controller that works with another model.
-    #[error(
-        "`{command}`: a model file is given beside `only` = \"{model}\", which uses no net; leave \
-        one of them out"
-    )]
-    UnusedModelFile {
-        /// The command.
-        command: &'static str,
-        /// The model that was asked for.
-        model: &'static str,
-    },
-    /// A controller whose model cannot be written in another language.
-    #[error(
-        "export: the model `{model}` of the plant `{plant}` cannot be written in C; it can for \
-        `pinc`, a net, and for `rk4` and `rk5` of plants whose equations are known"
-    )]
-    NotExportable {
-        /// The plant's key in the config.
-        plant: &'static str,
-        /// The model.
-        model: &'static str,
-    },
-    /// A controller whose stages differ in length, for a target that knows one length.
-    #[error(
-        "{name}: exported controllers have stages of one length; leave out control.stages_s, or \
-         use `pinc serve`"
-    )]
-    ExportedStages {
-        /// Name of the experiment.
-        name: String,
+    /// Something that was asked for and cannot be done.
+    #[error("{subject}: {problem}")]
+    Usage {
+        /// What it is about: an experiment, a command, an argument or a file.
+        subject: String,
+        /// What is wrong, and what to do.
+        problem: String,
     },
     /// No integrator makes a loop that others could be compared with.
     #[error(
@@ -99,21 +47,6 @@ pub enum RunError {
         /// How each loop ended.
         reasons: String,
     },
-    /// A plant for a target that does not take plants.
-    #[error("export: `--to {target}` takes no plant; `--plant` goes `--to fmu`")]
-    PlantTarget {
-        /// The target.
-        target: &'static str,
-    },
-    /// A controller for a target that takes nets only.
-    #[error(
-        "export: `--to {target}` takes a net, by --model FILE without a config; a whole controller \
-        goes `--to c` or `--to fmu`"
-    )]
-    NetOnly {
-        /// The target.
-        target: &'static str,
-    },
     /// Something that cannot be exported.
     #[error("export: {0}")]
     Export(#[from] ExportError),
@@ -124,28 +57,6 @@ pub enum RunError {
         path: PathBuf,
         /// What is wrong with it.
         source: ModelError,
-    },
-    /// A model that is not one of the config's plant.
-    #[error("{}: {what} of the model: {found}; of the config: {expected}", path.display())]
-    ModelMismatch {
-        /// The file.
-        path: PathBuf,
-        /// What differs.
-        what: &'static str,
-        /// The model's.
-        found: String,
-        /// The config's.
-        expected: String,
-    },
-    /// A model of one scenario where one of any scenario is needed.
-    #[error(
-        "{}: a conventional PINN, for one initial state and input: it can neither be chained nor \
-        control",
-        path.display()
-    )]
-    TimeOnlyModel {
-        /// The file.
-        path: PathBuf,
     },
     /// A cell, a row or the header of a CSV file.
     #[error("{}:{line}: {problem}", path.display())]
@@ -192,64 +103,6 @@ pub enum RunError {
     /// Standard output that takes nothing, as on a full disk.
     #[error("standard output cannot be written: {0}")]
     StandardOutput(std::io::Error),
-    /// An output that is one of the inputs.
-    #[error("--output {}: is also {role}, which it would overwrite", path.display())]
-    SameFile {
-        /// The file.
-        path: PathBuf,
-        /// The argument that names it too.
-        role: &'static str,
-    },
-    /// Configs whose results would be in one directory.
-    #[error("{}: two of the configs have this run directory; expected each once", dir.display())]
-    SameDirectory {
-        /// The directory.
-        dir: PathBuf,
-    },
-    /// A data file that nothing can be learnt from.
-    #[error(
-        "{}: nothing to compare a net with: expected a row with all states, and within T = \
-        {sample_time_s} s of it, \
-         under the same input, one with a state",
-        path.display()
-    )]
-    NoMeasurement {
-        /// The file.
-        path: PathBuf,
-        /// Length T of a step, in s.
-        sample_time_s: f64,
-    },
-    /// A step of a controller asked for with something that cannot be used.
-    #[error("{what}: {found} given, expected {expected}")]
-    Argument {
-        /// What it was given for.
-        what: &'static str,
-        /// What was given.
-        found: String,
-        /// What was expected.
-        expected: String,
-    },
-    /// A command for controllers whose parameters do not change.
-    #[error(
-        "{name}: `{command}` does not support {key}: remove the key, and \
-        set the values of now in control.parameters"
-    )]
-    WithSchedule {
-        /// The experiment.
-        name: String,
-        /// The command.
-        command: &'static str,
-        /// The key.
-        key: &'static str,
-    },
-    /// A command that needs an equation, for a plant without one.
-    #[error("{name}: `{command}` needs a plant with an equation, and [plant] is a black box")]
-    NoEquation {
-        /// The experiment.
-        name: String,
-        /// The command.
-        command: &'static str,
-    },
     /// An estimator and its model that do not fit together.
     #[error(transparent)]
     Estimate(#[from] EstimateError),
@@ -264,27 +117,13 @@ pub enum RunError {
         /// What is wrong with it.
         source: IdentifyError,
     },
-    /// A step whose error cannot be proven.
-    #[error("{name}: {command}: {reason}")]
+    /// A net whose error is not proven to be within `training.proven_tolerance`.
+    #[error("{name}: training.proven_tolerance: {reason}")]
     NotProven {
         /// The experiment.
         name: String,
-        /// What asks for it.
-        command: &'static str,
         /// Why not.
         reason: String,
-    },
-    /// A parameter to be identified with a net that does not take it.
-    #[error(
-        "identify: the net does not take `{parameter}` as an input, but {}; a net of a family \
-         ([domain.parameters]) or --only rk4 can identify it",
-        if known.is_empty() { "no parameters" } else { known }
-    )]
-    NotAParameterOfTheNet {
-        /// The parameter.
-        parameter: String,
-        /// Those that it takes.
-        known: String,
     },
     /// Another error of a net or its training.
     #[error("training: {0}")]
@@ -331,41 +170,6 @@ pub enum RunError {
         /// The number of runs.
         runs: usize,
     },
-    /// A sweep that would begin afresh where results are.
-    #[error(
-        "{}: holds results of this sweep ({trials} trials, {nets} nets); --resume goes on with \
-        them, --fresh throws them away",
-        dir.display()
-    )]
-    KeepsResults {
-        /// The directory.
-        dir: PathBuf,
-        /// How many trials are over.
-        trials: usize,
-        /// How many nets are trained.
-        nets: usize,
-    },
-    /// A search for the least of something that the trials do not have.
-    #[error(
-        "{name}: `sweep.search.minimize`: \"{minimize}\" given, expected one of {}",
-        known.join(", ")
-    )]
-    NoSuchMetric {
-        /// The experiment.
-        name: String,
-        /// What is to be small.
-        minimize: String,
-        /// What the trials have.
-        known: Vec<String>,
-    },
-    /// An option for Slurm that cannot be used.
-    #[error("--slurm {option}: {problem}")]
-    SlurmOption {
-        /// The option.
-        option: String,
-        /// What is wrong with it.
-        problem: Problem,
-    },
     /// Slurm, or what is to talk to it.
     #[error("{program}: {said}; with --dry-run the scripts are written only")]
     Slurm {
@@ -388,28 +192,6 @@ pub enum RunError {
     StillQueued {
         /// The run directory.
         dir: PathBuf,
-    },
-    /// A directory to be shared on a file system that cannot say who works on what.
-    #[error(
-        "{}: its file system has no locks, so that nobody knows what others work on; give each \
-        process a share with --shard K/N",
-        dir.display()
-    )]
-    NoLocks {
-        /// The directory.
-        dir: PathBuf,
-    },
-    /// Sweeps to merge that are not of one config.
-    #[error(
-        "{}: belongs to another sweep than {} (their config.toml differ)",
-        dir.display(),
-        first.display()
-    )]
-    OtherSweep {
-        /// The directory.
-        dir: PathBuf,
-        /// The first directory.
-        first: PathBuf,
     },
     /// The user stopped the run.
     #[error("interrupted; continue with the same command and --resume (state in {})", dir.display())]
@@ -524,13 +306,58 @@ fn is_full(error: &std::io::Error) -> bool {
 }
 
 impl RunError {
+    /// See [`RunError::Usage`].
+    pub fn usage(subject: impl ToString, problem: impl Into<String>) -> Self {
+        Self::Usage { subject: subject.to_string(), problem: problem.into() }
+    }
+
+    /// The config `name` lacks a section that `command` needs.
+    #[must_use]
+    pub fn missing_section(name: &str, section: &str, command: &str) -> Self {
+        let problem = format!("the config has no section [{section}], which `{command}` needs");
+        Self::usage(name, problem)
+    }
+
+    /// The closed loop of the config `name` lacks the requested model.
+    pub(crate) fn missing_model(name: &str, model: ModelKind) -> Self {
+        Self::usage(name, format!("control.models does not contain `{}`", model.name()))
+    }
+
+    /// The net is to be the model, and no file has it.
+    pub(crate) fn no_model_file(name: &str, command: &str) -> Self {
+        let problem = format!(
+            "`{command}` with the model `pinc` needs --model FILE, a net that was trained; \
+             `pinc train` makes one, and --only names another of the config's models"
+        );
+        Self::usage(name, problem)
+    }
+
+    /// A controller or plant that cannot be written in another language.
+    pub(crate) fn not_exportable(plant: &str, model: ModelKind) -> Self {
+        let problem = format!(
+            "the model `{}` of the plant `{plant}` cannot be written in C; it can for `pinc`, a \
+             net, and for `rk4` and `rk5` of plants whose equations are known",
+            model.name()
+        );
+        Self::usage("export", problem)
+    }
+
+    /// A command for controllers whose parameters do not change.
+    pub(crate) fn with_schedule(name: &str, command: &str, key: &str) -> Self {
+        let problem = format!(
+            "`{command}` does not support {key}: remove the key, and set the values of now in \
+             control.parameters"
+        );
+        Self::usage(name, problem)
+    }
+
     /// The exit code of the program: 2 for bad usage or input, 1 for a run that failed.
     #[must_use]
     pub fn exit_code(&self) -> u8 {
         match self {
             Self::Net(NetError::Setting { .. } | NetError::Dimension { .. }) => 2,
             Self::Control(MpcError::Plant { .. }) | Self::OutsideDomain { .. } => 1,
-            Self::NotProven { command: "training.proven_tolerance", .. } => 1,
+            Self::NotProven { .. } => 1,
             Self::Net(_) | Self::Plant(_) | Self::FailedSteps { .. } | Self::NotFinite { .. } => 1,
             Self::Record(RecordError::Unwritable { source, .. }) if is_full(source) => 1,
             Self::Slurm { .. } | Self::Queued { .. } | Self::StillQueued { .. } => 1,

@@ -75,11 +75,7 @@ pub fn estimate(
     model: Option<&Path>,
     only: Option<ModelKind>,
 ) -> Result<Estimated, RunError> {
-    let missing = |section| RunError::MissingSection {
-        name: experiment.name.clone(),
-        section,
-        command: "estimate",
-    };
+    let missing = |section| RunError::missing_section(&experiment.name, section, "estimate");
     let spec = experiment.control.as_ref().ok_or_else(|| missing("control"))?;
     let estimator = spec.estimator.as_ref().ok_or_else(|| missing("control.estimator"))?;
     let net = model.map(|path| super::read_matching_model(experiment, path)).transpose()?;

@@ -95,11 +95,8 @@ pub fn export_controller(
 ) -> Result<PathBuf, RunError> {
     let chosen = Chosen::of(experiment, model.map(ModelFile::At), only, "pinc export")?;
     if !chosen.measured.is_empty() {
-        return Err(RunError::WithSchedule {
-            name: experiment.name.clone(),
-            command: "pinc export",
-            key: "control.measured_parameters",
-        });
+        let key = "control.measured_parameters";
+        return Err(RunError::with_schedule(&experiment.name, "pinc export", key));
     }
     let estimating = Estimating::of(&chosen)?;
     let name = name.map_or_else(|| Ok(Name::nearest(&experiment.name)), Name::new)?;
@@ -108,7 +105,9 @@ pub fn export_controller(
     let equations = experiment.plant.equations().map(|equations| equations.with_parameters(own));
     let (setup, estimated) = (chosen.setup(), &chosen.estimated);
     if chosen.spec.stages_s.is_some() {
-        return Err(RunError::ExportedStages { name: experiment.name.clone() });
+        let problem = "exported controllers have stages of one length; leave out \
+                       control.stages_s, or use `pinc serve`";
+        return Err(RunError::usage(&experiment.name, problem));
     }
     if chosen.net().is_some() && !chosen.spec.error_tolerance.is_empty() {
         return Err(ExportError::Feature {
@@ -128,9 +127,7 @@ pub fn export_controller(
             substeps: chosen.spec.own_substeps(method),
         }),
         _ => {
-            let kind = chosen.kind;
-            let plant = experiment.plant.name();
-            return Err(RunError::NotExportable { plant, model: kind.name() });
+            return Err(RunError::not_exportable(experiment.plant.name(), chosen.kind));
         }
     };
     let mut content = experiment.to_toml().into_bytes();
@@ -159,7 +156,12 @@ pub fn export_controller(
             vec![fmu(content, &name, version)?]
         }
         Target::Casadi | Target::Onnx | Target::OnnxDouble => {
-            return Err(RunError::NetOnly { target: to.name() });
+            let problem = format!(
+                "`--to {}` takes a net, by --model FILE without a config; a whole controller goes \
+                 `--to c` or `--to fmu`",
+                to.name()
+            );
+            return Err(RunError::usage("export", problem));
         }
     };
     write(&files, to, &name, out)
@@ -220,21 +222,17 @@ pub fn export_plant(
     name: Option<&str>,
     out: Option<&Path>,
 ) -> Result<PathBuf, RunError> {
-    let missing = |section| RunError::MissingSection {
-        name: experiment.name.clone(),
-        section,
-        command: "pinc export --plant",
-    };
+    let command = "pinc export --plant";
+    let missing = |section| RunError::missing_section(&experiment.name, section, command);
     let control = experiment.control.as_ref().ok_or_else(|| missing("control"))?;
     let sample_time_s = experiment.sample_time_s().ok_or_else(|| missing("model"))?;
     let spec = control.plant.as_ref().unwrap_or(&experiment.plant);
     let Target::Fmu(version) = to else {
-        return Err(RunError::PlantTarget { target: to.name() });
+        let problem = format!("`--to {}` takes no plant; `--plant` goes `--to fmu`", to.name());
+        return Err(RunError::usage("export", problem));
     };
-    let equations = spec.equations().ok_or_else(|| RunError::NotExportable {
-        plant: spec.name(),
-        model: ModelKind::RK4.name(),
-    })?;
+    let unknown = || RunError::not_exportable(spec.name(), ModelKind::RK4);
+    let equations = spec.equations().ok_or_else(unknown)?;
     let name = name.map_or_else(|| Ok(Name::nearest(&experiment.name)), Name::new)?;
     let origin = origin(experiment.to_toml().as_bytes(), &*spec.dyn_plant());
     let plant = RungeKuttaModel {

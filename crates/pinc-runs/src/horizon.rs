@@ -6,7 +6,7 @@ use crate::RunError;
 use pinc_config::{ModelKind, OnError, Variables};
 use pinc_estimate::{Augmentation, Compensated};
 use pinc_mpc::{Nmpc, NmpcBuilder, NmpcProblem};
-use pinc_net::{NetError, PincModel};
+use pinc_net::PincModel;
 use pinc_ode::{DynPlant, FlowModel, Integrator, Model, WithOutputs};
 
 impl LoopSetup<'_> {
@@ -14,8 +14,8 @@ impl LoopSetup<'_> {
     ///
     /// # Errors
     ///
-    /// [`NetError`] if a net does not suit.
-    pub fn model(&self, kind: ModelKind, plant: &dyn DynPlant) -> Result<Box<dyn Model>, NetError> {
+    /// [`RunError`] if a net does not suit or the plant has no such integrator.
+    pub fn model(&self, kind: ModelKind, plant: &dyn DynPlant) -> Result<Box<dyn Model>, RunError> {
         self.model_for(kind, plant, self.sample_time_s)
     }
 
@@ -25,7 +25,7 @@ impl LoopSetup<'_> {
         kind: ModelKind,
         plant: &dyn DynPlant,
         length_s: f64,
-    ) -> Result<Box<dyn Model>, NetError> {
+    ) -> Result<Box<dyn Model>, RunError> {
         Ok(match (kind, self.net) {
             (ModelKind::Pinc, Some(net)) => {
                 let model = PincModel::at(net, length_s)?;
@@ -33,7 +33,8 @@ impl LoopSetup<'_> {
                     true => Box::new(model),
                     // The net knows the states; what follows from them is the plant's to say.
                     false => {
-                        Box::new(WithOutputs::new(model, plant.model(Integrator::Rk4, length_s, 1)))
+                        let outputs = plant.model(Integrator::Rk4, length_s, 1)?;
+                        Box::new(WithOutputs::new(model, outputs))
                     }
                 }
             }
@@ -44,7 +45,7 @@ impl LoopSetup<'_> {
             },
             (ModelKind::Integrator(integrator), _) => {
                 let substeps = self.spec.substeps(integrator, length_s, self.sample_time_s);
-                plant.model(integrator, length_s, substeps)
+                plant.model(integrator, length_s, substeps)?
             }
         })
     }

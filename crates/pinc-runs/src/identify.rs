@@ -54,22 +54,17 @@ pub fn identify(
     only: Option<ModelKind>,
     starts: Option<usize>,
 ) -> Result<IdentificationMetrics, RunError> {
-    let missing = |section| RunError::MissingSection {
-        name: experiment.name.clone(),
-        section,
-        command: "identify",
-    };
-    let spec = experiment.identify.as_ref().ok_or_else(|| missing("identify"))?;
+    let (name, command) = (&experiment.name, "identify");
+    let missing = || RunError::missing_section(name, "identify", command);
+    let spec = experiment.identify.as_ref().ok_or_else(missing)?;
     let net = model.map(|path| super::read_matching_model(experiment, path)).transpose()?;
     let net = net.map(|(_, net)| net);
     let kind = match (only, &net) {
         (Some(ModelKind::Pinc), None) => {
-            let (name, command) = (experiment.name.clone(), "identify");
-            return Err(RunError::NoModelFile { name, command });
+            return Err(RunError::no_model_file(name, command));
         }
         (Some(ModelKind::BlackBox), _) => {
-            let (name, model) = (experiment.name.clone(), ModelKind::BlackBox.name());
-            return Err(RunError::MissingModel { name, model });
+            return Err(RunError::missing_model(name, ModelKind::BlackBox));
         }
         (Some(kind), _) => kind,
         (None, Some(_)) => ModelKind::Pinc,
@@ -222,9 +217,14 @@ fn problem(
     let mut unknowns = Vec::new();
     for of in &spec.parameters {
         let place = names.iter().position(|name| *name == of.name);
-        let not_an_input = || RunError::NotAParameterOfTheNet {
-            parameter: of.name.clone(),
-            known: names.join(", "),
+        let not_an_input = || {
+            let known = if names.is_empty() { "no parameters" } else { &names.join(", ") };
+            let problem = format!(
+                "the net does not take `{}` as an input, but {known}; a net of a family \
+                 ([domain.parameters]) or --only rk4 can identify it",
+                of.name
+            );
+            RunError::usage("identify", problem)
         };
         // A net knows nothing beyond what it was trained on.
         let range = net.and_then(|_| {
@@ -271,7 +271,8 @@ fn fitted_model(
         return Ok(match Variables::of(plant).own_outputs().is_empty() {
             true => Box::new(model),
             false => {
-                Box::new(WithOutputs::new(model, plant.model(Integrator::Rk4, sample_time_s, 1)))
+                let outputs = plant.model(Integrator::Rk4, sample_time_s, 1)?;
+                Box::new(WithOutputs::new(model, outputs))
             }
         });
     }
@@ -281,7 +282,7 @@ fn fitted_model(
     let control = experiment.control.as_ref();
     let of_the_loop = control.map(|control| control.own_substeps(integrator));
     let substeps = spec.substeps.or(of_the_loop).unwrap_or(SUBSTEPS);
-    Ok(plant.model(integrator, sample_time_s, substeps))
+    Ok(plant.model(integrator, sample_time_s, substeps)?)
 }
 
 /// An error with the file that it is about.

@@ -34,7 +34,6 @@ mod horizon;
 mod identify;
 pub mod invocation;
 mod live;
-mod material;
 mod model_error;
 mod one_step;
 mod predict;
@@ -47,6 +46,7 @@ mod shared_library;
 mod single_step;
 mod train;
 mod train_watched;
+mod training_setup;
 mod trial;
 
 pub use certify::{Certify, certificate_summary, certify, verify_certificate};
@@ -60,7 +60,6 @@ pub use estimate::{Estimated, estimate};
 pub use export::{Target, export_controller, export_net, export_plant};
 pub use identify::{identification_summary, identify};
 pub use live::{Follow, LiveController, LiveStep};
-pub use material::TrainingSetup;
 pub use pinc_check::{Finding, IntegratorBox, Severity, findings_json};
 pub use predict::predict;
 pub use progress::Verbosity;
@@ -69,6 +68,7 @@ pub use serve::serve;
 pub use single_step::Steps;
 pub use train::Threads;
 pub use train_watched::{TrainedNet, TrainingProgress, train_watched};
+pub use training_setup::TrainingSetup;
 pub use trial::{run_trial, train_shared};
 
 use crate::invocation::invocation;
@@ -253,11 +253,8 @@ struct Plan {
 
 impl Plan {
     fn of(experiment: &Experiment, command: Command) -> Result<Self, RunError> {
-        let missing = |section, command| RunError::MissingSection {
-            name: experiment.name.clone(),
-            section,
-            command,
-        };
+        let name = &experiment.name;
+        let missing = |section, command| RunError::missing_section(name, section, command);
         let configured = experiment.control.as_ref().map(|c| c.models.clone());
         let mut plan = Self { trains: false, runs_free: false, loops: Vec::new(), given: None };
         match command {
@@ -280,8 +277,7 @@ impl Plan {
                 plan.loops = configured.ok_or_else(|| missing("control", "pinc control"))?;
                 if let Some(only) = only {
                     if !plan.loops.contains(&only) {
-                        let name = experiment.name.clone();
-                        return Err(RunError::MissingModel { name, model: only.name() });
+                        return Err(RunError::missing_model(name, only));
                     }
                     plan.loops = vec![only];
                 }
@@ -428,7 +424,11 @@ fn parse_model(path: &Path, bytes: &[u8]) -> Result<PincNet, RunError> {
 fn chainable(path: &Path, net: PincNet) -> Result<PincNet, RunError> {
     match net.time_only() {
         None => Ok(net),
-        Some(_) => Err(RunError::TimeOnlyModel { path: path.to_owned() }),
+        Some(_) => Err(RunError::usage(
+            path.display(),
+            "a conventional PINN, for one initial state and input: it can neither be chained nor \
+             control",
+        )),
     }
 }
 
@@ -482,7 +482,8 @@ fn matching_model(
     }
     for (what, found, expected) in compared {
         if found != expected {
-            return Err(RunError::ModelMismatch { path: path.to_owned(), what, found, expected });
+            let problem = format!("{what} of the model: {found}; of the config: {expected}");
+            return Err(RunError::usage(path.display(), problem));
         }
     }
     Ok((bytes, net))

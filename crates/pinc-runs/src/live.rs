@@ -216,7 +216,7 @@ impl LiveController {
     ///
     /// # Errors
     ///
-    /// [`RunError::Argument`] if there is not one finite value for each: nothing has happened then.
+    /// [`RunError::Usage`] if there is not one finite value for each: nothing has happened then.
     pub fn set_measured_parameters(&mut self, values: &[f64]) -> Result<Vec<f64>, RunError> {
         length("parameters", values, self.measured_parameters.len(), "measured parameter")?;
         finite("parameters", values)?;
@@ -236,7 +236,7 @@ impl LiveController {
     ///
     /// # Errors
     ///
-    /// [`RunError::Argument`] if an argument is of a wrong length, a reference is not finite, or
+    /// [`RunError::Usage`] if an argument is of a wrong length, a reference is not finite, or
     /// `u_applied` is not finite or beyond the input's bounds: nothing has happened then.
     /// [`RunError::OutsideDomain`] if the step takes a net out of its domain and
     /// the config refuses that.
@@ -339,11 +339,8 @@ impl LiveController {
             }
             Follow::Stages(rows) => {
                 if rows.len() != self.spec.n2 {
-                    return Err(RunError::Argument {
-                        what: "reference",
-                        found: format!("{} rows", rows.len()),
-                        expected: format!("{}, one per step of the horizon", self.spec.n2),
-                    });
+                    let expected = format!("{}, one per step of the horizon", self.spec.n2);
+                    return Err(argument("reference", format!("{} rows", rows.len()), &expected));
                 }
                 for row in rows {
                     length("a row of reference", row, outputs, "controlled quantity")?;
@@ -408,20 +405,17 @@ fn length(what: &'static str, found: &[f64], expected: usize, each: &str) -> Res
     if found.len() == expected {
         return Ok(());
     }
-    Err(RunError::Argument {
-        what,
-        found: format!("{} numbers", found.len()),
-        expected: format!("{expected}, one per {each}"),
-    })
+    let expected = format!("{expected}, one per {each}");
+    Err(argument(what, format!("{} numbers", found.len()), &expected))
+}
+
+fn argument(what: &str, found: impl std::fmt::Display, expected: &str) -> RunError {
+    RunError::usage(what, format!("{found} given, expected {expected}"))
 }
 
 fn finite(what: &'static str, values: &[f64]) -> Result<(), RunError> {
     match values.iter().find(|value| !value.is_finite()) {
         None => Ok(()),
-        Some(value) => Err(RunError::Argument {
-            what,
-            found: value.to_string(),
-            expected: "finite numbers".to_owned(),
-        }),
+        Some(value) => Err(argument(what, value, "finite numbers")),
     }
 }

@@ -24,7 +24,7 @@ pub(crate) fn stage(
     }
     let mut progress = Stage::begin(options.verbosity, "one step", setup.kinds.len() as u64);
     let steps = Steps::new(plant, domain, setup.sample_time_s, spec.points, spec.tolerance)?;
-    let truth = steps.true_jacobians(plant, setup.sample_time_s);
+    let truth = steps.true_jacobians(plant, setup.sample_time_s)?;
     let mut found = Vec::new();
     for &kind in setup.kinds {
         options.check_interrupt(run_dir.dir())?;

@@ -43,7 +43,8 @@ pub fn predict(
 ) -> Result<OutsideDomain, RunError> {
     for (role, input) in [("--model", model), ("--inputs", inputs)] {
         if is_same_file(input, output) {
-            return Err(RunError::SameFile { path: output.to_owned(), role });
+            let problem = format!("is also {role}, which it would overwrite");
+            return Err(RunError::usage(format!("--output {}", output.display()), problem));
         }
     }
     let net = match judged {

@@ -60,10 +60,8 @@ pub(crate) fn step_error(
     net: &PincNet,
     command: &'static str,
 ) -> Result<(StepError, String), RunError> {
-    let refused = |reason: String| {
-        let name = experiment.name.clone();
-        RunError::NotProven { name, command, reason }
-    };
+    let refused =
+        |reason: String| RunError::usage(&experiment.name, format!("{command}: {reason}"));
     let no_equation = || "the plant is a black box: it has no equation to enclose".to_owned();
     let equations = experiment.plant.equations().ok_or_else(no_equation).map_err(refused)?;
     let varying: Vec<&str> = net.parameter_names().collect();
@@ -105,7 +103,6 @@ pub(crate) fn attempt(
     let found = Search::new(&error, &domain, settings, threads);
     let mut search = found.map_err(|error| RunError::NotProven {
         name: experiment.name.clone(),
-        command: "training.proven_tolerance",
         reason: error.to_string(),
     })?;
     let is_near = |bracket: &Bracket| {

@@ -63,8 +63,16 @@ impl Steps {
     }
 
     /// The true Jacobians of the first points, by a method of order 5 with many substeps.
-    pub fn true_jacobians(&self, plant: &dyn DynPlant, sample_time_s: f64) -> LinearizationBuffer {
-        self.linearized(&mut *plant.model(Integrator::Rk5, sample_time_s, FINE))
+    ///
+    /// # Errors
+    ///
+    /// [`RunError`] if the plant has no such integrator.
+    pub fn true_jacobians(
+        &self,
+        plant: &dyn DynPlant,
+        sample_time_s: f64,
+    ) -> Result<LinearizationBuffer, RunError> {
+        Ok(self.linearized(&mut *plant.model(Integrator::Rk5, sample_time_s, FINE)?))
     }
 
     /// A model's Jacobians at the same points.

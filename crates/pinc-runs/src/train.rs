@@ -2,8 +2,8 @@
 
 use super::Options;
 use super::domain_error;
-use super::material::{Material, TrainingSetup};
 use super::proof::{self, Attempt, Certificate};
+use super::training_setup::{TrainerInputs, TrainingSetup};
 use crate::RunError;
 use crate::progress::{Stage, Verbosity};
 use pinc_config::{Effort, Experiment};
@@ -72,11 +72,11 @@ pub(crate) fn stage(
     let threads_of_config = || setup.threads();
     let given = Threads { now: &threads_of_config, every: Duration::MAX };
     let threads = threads.unwrap_or(&given);
-    let (material, test) = setup.material(plant, experiment)?;
+    let (inputs, test) = setup.inputs(plant, experiment)?;
     let mut session =
-        Session::begin(&material, experiment, (threads.now)(), options.verbosity, run_dir)?;
+        Session::begin(&inputs, experiment, (threads.now)(), options.verbosity, run_dir)?;
     let work = |session: &mut Session| {
-        session.work(&material, run_dir, &setup.training.effort, threads, options)
+        session.work(&inputs, run_dir, &setup.training.effort, threads, options)
     };
     let outcome = work(&mut session);
     let tolerance = &setup.training.proven_tolerance;
@@ -90,7 +90,7 @@ pub(crate) fn stage(
         outcome => (outcome, None),
     };
     let net = session.trainer.net();
-    let parameters = material.estimates(&session.trainer);
+    let parameters = inputs.estimates(&session.trainer);
     // The net first: it is what the time was spent on. That of an interrupted training is in the
     // checkpoint; of one that failed, the last good net is kept.
     if !matches!(outcome, Err(RunError::Interrupted { .. })) {
@@ -154,7 +154,7 @@ struct Session {
 
 impl Session {
     fn begin(
-        material: &Material<'_>,
+        inputs: &TrainerInputs<'_>,
         experiment: &Experiment,
         threads: usize,
         verbosity: Verbosity,
@@ -162,13 +162,13 @@ impl Session {
     ) -> Result<Self, RunError> {
         let begun = Instant::now();
         let mut fingerprint = experiment.normalized().fingerprint();
-        if let Some(data) = &material.measured {
+        if let Some(data) = &inputs.measured {
             // The config only names the files; a training is resumed with the same measurements or
             // not at all.
             fingerprint.extend(data.digest.iter().map(|byte| format!("{byte:02x}")));
         }
         let fresh = Self {
-            trainer: material.trainer(threads)?,
+            trainer: inputs.trainer(threads)?,
             threads,
             fingerprint,
             rows: Vec::new(),
@@ -177,7 +177,7 @@ impl Session {
             optimizer: Duration::ZERO,
             earlier: Duration::ZERO,
             begun,
-            stage: Stage::begin(verbosity, "training", material.iterations()),
+            stage: Stage::begin(verbosity, "training", inputs.iterations()),
         };
         match run_dir.path(file::CHECKPOINT) {
             path if path.exists() => fresh.resume_from(&path, run_dir),
@@ -186,10 +186,10 @@ impl Session {
     }
 
     /// Continues on as many threads, if they are others than now.
-    fn use_threads(&mut self, material: &Material<'_>, threads: usize) -> Result<(), RunError> {
+    fn use_threads(&mut self, inputs: &TrainerInputs<'_>, threads: usize) -> Result<(), RunError> {
         if threads != self.threads {
             let state = self.trainer.checkpoint().clone();
-            self.trainer = material.trainer(threads)?.resume(state)?;
+            self.trainer = inputs.trainer(threads)?.resume(state)?;
             self.threads = threads;
         }
         Ok(())
@@ -221,7 +221,7 @@ impl Session {
     /// Trains to the end and returns why that was the end.
     fn work(
         &mut self,
-        material: &Material<'_>,
+        inputs: &TrainerInputs<'_>,
         run_dir: &RunDir,
         effort: &Effort,
         threads: &Threads<'_>,
@@ -238,7 +238,7 @@ impl Session {
                 return Ok(TIME_LIMIT.to_owned());
             }
             if last_look.elapsed() >= threads.every {
-                self.use_threads(material, (threads.now)())?;
+                self.use_threads(inputs, (threads.now)())?;
                 last_look = Instant::now();
             }
             let clock = Instant::now();
@@ -272,11 +272,8 @@ impl Session {
         (threads, options, run_dir): (&Threads<'_>, &Options<'_>, &RunDir),
         mut work: impl FnMut(&mut Self) -> Result<String, RunError>,
     ) -> Result<Box<Certificate>, RunError> {
-        let refused = |reason: String| RunError::NotProven {
-            name: experiment.name.clone(),
-            command: "training.proven_tolerance",
-            reason,
-        };
+        let refused =
+            |reason: String| RunError::NotProven { name: experiment.name.clone(), reason };
         for _ in 0..MOST_ROUNDS {
             let (net, threads) = (self.trainer.net(), (threads.now)());
             let tolerance = proof::tolerances(&net, tolerance);

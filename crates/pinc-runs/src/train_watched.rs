@@ -54,8 +54,8 @@ pub fn train_watched(
     let elapsed_s = || begun.elapsed().as_secs_f64();
     let setup = TrainingSetup::of(experiment)?;
     let plant = &*experiment.plant.family(&experiment.varying());
-    let (material, test) = setup.material(plant, experiment)?;
-    let mut trainer = material.trainer(setup.threads())?;
+    let (inputs, test) = setup.inputs(plant, experiment)?;
+    let mut trainer = inputs.trainer(setup.threads())?;
     let limit_s = setup.training.effort.time_limit_s.unwrap_or(f64::INFINITY);
     let mut validation_mse = None;
     let stop_reason = loop {
@@ -71,7 +71,7 @@ pub fn train_watched(
         }
         let progress = TrainingProgress {
             iteration: iterated.iteration,
-            iterations: material.iterations(),
+            iterations: inputs.iterations(),
             elapsed_s: elapsed_s(),
             loss: iterated.loss,
             validation_mse,
@@ -85,7 +85,7 @@ pub fn train_watched(
         trainer.validate();
     }
     let net = trainer.net();
-    let found = setup.found(experiment, &material.estimates(&trainer))?;
+    let found = setup.found(experiment, &inputs.estimates(&trainer))?;
     let validation = found.map_or(test, |found| found.test).evaluate(&net);
     let totals = trainer.totals();
     Ok(TrainedNet { net, validation, stop_reason, totals, wall_s: elapsed_s() })

@@ -2,6 +2,7 @@
 
 use pinc_expr::ExpressionError;
 use pinc_net::NetError;
+use pinc_ode::OdeError;
 use thiserror::Error;
 
 /// Why the error of a step cannot be proven.
@@ -16,6 +17,9 @@ pub enum VerifyError {
     /// A black box says nothing of its equation.
     #[error("the plant is a black box: it has no equation to compare the net with")]
     NoEquation,
+    /// There is no integrator to compare a distilled net with.
+    #[error("a distilled net is compared with an integrator: {0}")]
+    Reference(#[source] OdeError),
     /// There are too many variables.
     #[error(
         "{found} variables (states, inputs and parameters together): a proof over boxes is \

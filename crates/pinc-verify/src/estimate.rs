@@ -97,7 +97,9 @@ impl ErrorEstimate {
             }
             TrainingTarget::Integrator => Way::Reference {
                 net: model,
-                exact: plant.model(Integrator::Rk5, t, REFERENCE_SUBSTEPS),
+                exact: plant
+                    .model(Integrator::Rk5, t, REFERENCE_SUBSTEPS)
+                    .map_err(VerifyError::Reference)?,
                 found: vec![0.0; net.dims().nx],
             },
         }))

@@ -415,7 +415,8 @@ fn run_all(
     }
     for (i, (_, dir)) in all.iter().enumerate() {
         if all[..i].iter().any(|(_, other)| other == dir) {
-            return Err(RunError::SameDirectory { dir: dir.clone() });
+            let problem = "two of the configs have this run directory; expected each once";
+            return Err(RunError::usage(dir.display(), problem));
         }
     }
     if let Some(slurm) = &sweep.on_slurm() {
@@ -462,7 +463,13 @@ fn may_begin_afresh(experiment: &Experiment, dir: &Path) -> Result<(), RunError>
     let question = format!("{place} holds {trials} finished trials and {nets} nets. Remove them?");
     match console::confirmed(&question) {
         Some(true) => Ok(()),
-        _ => Err(RunError::KeepsResults { dir: dir.to_owned(), trials, nets }),
+        _ => Err(RunError::usage(
+            place,
+            format!(
+                "holds results of this sweep ({trials} trials, {nets} nets); --resume goes on with \
+                 them, --fresh throws them away"
+            ),
+        )),
     }
 }
 

@@ -10,7 +10,7 @@ const EXPLICIT: [Integrator; 2] = [Integrator::Rk4, Integrator::Rk5];
 fn factor(method: Integrator, z: Complex) -> f64 {
     let text = [format!("{}*x - {}*y + 0*u", z.re, z.im), format!("{}*x + {}*y", z.im, z.re)];
     let plant = plant(&["x", "y"], &["u"], &[&text[0], &text[1]]);
-    let mut step = plant.into_dyn().model(method, 1.0, 1);
+    let mut step = plant.into_dyn().model(method, 1.0, 1).unwrap();
     let mut next = [0.0; 2];
     step.step(&[1.0, 0.0], &[0.0], &[], &mut next);
     next[0].hypot(next[1])
@@ -62,7 +62,8 @@ fn the_error_of_a_step_of_a_linear_plant_is_that_of_its_polynomial() {
     let region = Region::new(Dims::new(1, 1), vec![0.0, 0.0], vec![1.0, 1.0]);
     let samples = OneStepSamples::draw(&plant, &region, 1, 2000, 1.0);
     assert_eq!((samples.len(), samples.missing()), (2000, 0));
-    let found = samples.rms_error(&mut *plant.into_dyn().model(Integrator::Rk4, 1.0, 1), &[1.0]);
+    let found =
+        samples.rms_error(&mut *plant.into_dyn().model(Integrator::Rk4, 1.0, 1).unwrap(), &[1.0]);
     let expected = (0.375 - (-1.0_f64).exp()) / 3.0_f64.sqrt();
     // A mean over 2000 points: 1 % in two standard deviations.
     assert!((found / expected - 1.0).abs() < 0.03, "{found} {expected}");

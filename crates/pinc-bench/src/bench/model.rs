@@ -43,7 +43,7 @@ pub(super) fn run(
     };
     let mut rows = Vec::new();
     for substeps in SUBSTEPS {
-        let row = row(&mut *plant.model(Integrator::Rk4, sample_time_s, substeps));
+        let row = row(&mut *plant.model(Integrator::Rk4, sample_time_s, substeps)?);
         rows.push(ModelStep { substeps: Some(substeps), ..row });
     }
     for Trained { net, seconds } in nets {
@@ -52,7 +52,7 @@ pub(super) fn run(
         rows.push(ModelStep { model: "pinc", layers, trained_s, ..row });
     }
     for (substeps, text) in SUBSTEPS.into_iter().flat_map(|n| text.map(|text| (n, text))) {
-        let row = row(&mut *text.model(Integrator::Rk4, sample_time_s, substeps));
+        let row = row(&mut *text.model(Integrator::Rk4, sample_time_s, substeps)?);
         rows.push(ModelStep { substeps: Some(substeps), as_text: true, ..row });
     }
     Ok(rows)

@@ -27,14 +27,13 @@ pub(super) struct Base {
 impl Base {
     /// That of a config, which may name one of `plants`.
     pub(super) fn of(experiment: &Experiment, plants: &Plants) -> Result<Self, RunError> {
-        let missing = |section| RunError::MissingSection {
-            name: experiment.name.clone(),
-            section,
-            command: "pinc choose",
-        };
+        let (name, command) = (&experiment.name, "pinc choose");
+        let missing = |section| RunError::missing_section(name, section, command);
         if experiment.plant.is_black_box() {
-            let (name, command) = (experiment.name.clone(), "pinc choose");
-            return Err(RunError::NoEquation { name, command });
+            let problem = format!(
+                "`{command}` needs a plant with an equation, and that of [plant] is a black box"
+            );
+            return Err(RunError::usage(name, problem));
         }
         let control = experiment.control.as_ref().ok_or_else(|| missing("control"))?;
         let step_s = experiment.sample_time_s().ok_or_else(|| missing("model"))?;

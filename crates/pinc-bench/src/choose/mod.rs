@@ -5,7 +5,7 @@ mod session;
 
 use crate::sweep::write_tables;
 use base::Base;
-use pinc_choose::{Advice, Found, Search, Tried};
+use pinc_choose::{Advice, Search, SearchResult, Tried};
 use pinc_config::{Experiment, Plants, trials};
 use pinc_record::{RecordError, RunDir, file, write_atomically};
 use pinc_runs::RunError;
@@ -80,7 +80,7 @@ pub fn choose(
 }
 
 /// An error that says how the loops with integrators ended.
-fn nothing(name: &str, found: &Found) -> RunError {
+fn nothing(name: &str, found: &SearchResult) -> RunError {
     let reason = |tried: &Tried| match &tried.result {
         Err(error) => format!("{}: {error}", tried.candidate),
         Ok(score) if score.unsound.is_some() => {

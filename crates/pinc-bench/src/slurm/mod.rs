@@ -132,7 +132,8 @@ fn spec(experiment: &Experiment, slurm: &OnSlurm) -> Result<SlurmSpec, RunError>
     let mut table: Table =
         experiment.sweep.as_ref().map(|sweep| sweep.slurm.clone()).unwrap_or_default();
     for option in &slurm.options {
-        let wrong = |problem| RunError::SlurmOption { option: option.clone(), problem };
+        let wrong =
+            |problem: Problem| RunError::usage(format!("--slurm {option}"), problem.to_string());
         let Some((key, value)) = option.split_once('=') else {
             let (found, expected) = ("no `=`".to_owned(), "key=value".to_owned());
             return Err(wrong(Problem::Value { found, expected }));

@@ -81,8 +81,8 @@ impl<'a> Crew<'a, '_> {
         if !self.session.halves() {
             return;
         }
-        let standings = self.session.ledger().standings_by_id();
-        let dropped = self.queue.reconsider(|trial| standings[trial.id.as_str()]);
+        let eligibility = self.session.ledger().eligibility_by_id();
+        let dropped = self.queue.reconsider(|trial| eligibility[trial.id.as_str()]);
         self.state().dropped(dropped);
     }
 

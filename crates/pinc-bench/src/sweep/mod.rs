@@ -11,8 +11,8 @@ use crew::Crew;
 use pinc_config::{Experiment, Plants, SweepSpec, Trial, nets_of_parameters, sweep_models, trials};
 use pinc_record::work::{Estimate, Ledger, Queue, effort, expected};
 use pinc_record::{
-    Best, CsvText, Invocation, Provenance, RecordError, RunDir, Standing, SummaryTable, SweepDir,
-    SweepMetrics, TrialColumn, TrialMetric, TrialTable, file,
+    Best, CsvText, Eligibility, Invocation, Provenance, RecordError, RunDir, SummaryTable,
+    SweepDir, SweepMetrics, TrialColumn, TrialMetric, TrialTable, file,
 };
 use pinc_runs::invocation::{cores, invocation};
 use pinc_runs::progress::Verbosity;
@@ -104,8 +104,8 @@ pub(crate) fn units_left(experiment: &Experiment, dir: &Path) -> Result<usize, R
     if RunDir::is_of(dir, experiment) {
         ledger.look_up(&sweep_dir)?;
     }
-    let left = trials.iter().zip(ledger.standings());
-    let left = left.filter(|(trial, s)| !ledger.knows(trial) && *s != Standing::Dropped);
+    let left = trials.iter().zip(ledger.eligibility());
+    let left = left.filter(|(trial, s)| !ledger.knows(trial) && *s != Eligibility::Dropped);
     let left = left.map(|(trial, _)| trial);
     let unit = |trial: &'_ Trial| match sweep_dir.is_trained(trial.unit()) {
         true => trial.id.clone(),
@@ -117,16 +117,19 @@ pub(crate) fn units_left(experiment: &Experiment, dir: &Path) -> Result<usize, R
 /// The trials of an experiment that has a sweep.
 fn made(experiment: &Experiment) -> Result<Vec<Trial>, RunError> {
     if experiment.sweep.is_none() {
-        let name = experiment.name.clone();
-        return Err(RunError::MissingSection { name, section: "sweep", command: "a sweep" });
+        return Err(RunError::missing_section(&experiment.name, "sweep", "a sweep"));
     }
     if let Some(search) = &experiment.sweep.as_ref().and_then(|sweep| sweep.search.as_ref())
         && TrialMetric::searched(experiment).is_none()
     {
-        let (name, minimize) = (experiment.name.clone(), search.minimize.clone());
         let known = TrialMetric::results(experiment).into_iter().filter(|m| m.is_number());
-        let known = known.map(TrialMetric::name).collect();
-        return Err(RunError::NoSuchMetric { name, minimize, known });
+        let known: Vec<String> = known.map(TrialMetric::name).collect();
+        let problem = format!(
+            "`sweep.search.minimize`: \"{}\" given, expected one of {}",
+            search.minimize,
+            known.join(", ")
+        );
+        return Err(RunError::usage(&experiment.name, problem));
     }
     Ok(trials(experiment).expect("the experiment was checked, and its trials with it"))
 }
@@ -152,7 +155,11 @@ pub fn merge(
         return Err(RecordError::NoRunDirectory { dir: dir.to_owned() }.into());
     };
     if let Some(i) = others.iter().position(|other| other != experiment) {
-        return Err(RunError::OtherSweep { dir: parts[i + 1].clone(), first: parts[0].clone() });
+        let problem = format!(
+            "belongs to another sweep than {} (their config.toml differ)",
+            parts[0].display()
+        );
+        return Err(RunError::usage(parts[i + 1].display(), problem));
     }
     let trials = made(experiment)?;
     let session = Session::open(experiment, &trials, dir, options, false)?;
@@ -248,12 +255,12 @@ impl<'a> Session<'a> {
     /// Which of these trials are to be run, and of which that is not known yet.
     fn left(&self, mine: &[&'a Trial]) -> (Vec<&'a Trial>, Vec<&'a Trial>) {
         let ledger = self.ledger();
-        let standings = ledger.standings_by_id();
+        let eligibility = ledger.eligibility_by_id();
         let mut known = HashSet::new();
         // Cases may be equal in some preset.
         let left = mine.iter().filter(|trial| !ledger.knows(trial) && known.insert(&trial.id));
-        let left = left.filter(|trial| standings[trial.id.as_str()] != Standing::Dropped);
-        left.partition(|trial| standings[trial.id.as_str()] == Standing::Open)
+        let left = left.filter(|trial| eligibility[trial.id.as_str()] != Eligibility::Dropped);
+        left.partition(|trial| eligibility[trial.id.as_str()] == Eligibility::Open)
     }
 
     /// Whether a search drops trials.
@@ -275,7 +282,9 @@ impl<'a> Session<'a> {
         let mut trials: Vec<_> = self.trials.iter().map(of_trial).collect();
         let keeps_others_out = self.run_dir.keeps_others_out();
         if shared && !keeps_others_out && of == 1 {
-            return Err(RunError::NoLocks { dir: self.run_dir.dir().to_owned() });
+            let problem = "its file system has no locks, so that nobody knows what others work \
+                           on; give each process a share with --shard K/N";
+            return Err(RunError::usage(self.run_dir.dir().display(), problem));
         }
         if !(shared && keeps_others_out) {
             trials.retain(|(distance, _)| *distance == 0);
@@ -399,9 +408,9 @@ fn tables(
     ledger: &Ledger<'_>,
 ) -> [(&'static str, CsvText); 3] {
     let sweep = experiment.sweep.as_ref().expect("a sweep has the section");
-    let (results, standings) = (ledger.results(), ledger.standings());
+    let (results, eligibility) = (ledger.results(), ledger.eligibility());
     let models = sweep_models(experiment, trials);
-    let table = |columns| TrialTable::new(columns, sweep, trials, results, &standings).to_csv();
+    let table = |columns| TrialTable::new(columns, sweep, trials, results, &eligibility).to_csv();
     [
         (file::SWEEP, table(TrialColumn::of_sweep(experiment, sweep, &models))),
         (file::SUMMARY, SummaryTable::new(experiment, sweep, trials, results).to_csv()),

@@ -72,7 +72,7 @@ pub struct Search<'a> {
 
 /// The result of a search.
 #[derive(Clone, Debug, Default)]
-pub struct Found {
+pub struct SearchResult {
     /// All that was tried, in this order.
     pub tried: Vec<Tried>,
     /// Whether something was not tried for want of time.
@@ -81,7 +81,7 @@ pub struct Found {
     pub untried: Vec<String>,
 }
 
-impl Found {
+impl SearchResult {
     /// Tries a candidate with its loop run once; gives whether that was done.
     fn attempt<L: Loops>(&mut self, loops: &mut L, candidate: Candidate) -> Result<bool, L::Error> {
         let Some(tried) = loops.run(candidate, Purpose::Quality)? else {
@@ -103,8 +103,8 @@ impl Search<'_> {
     /// # Errors
     ///
     /// Those of `loops`.
-    pub fn run<L: Loops>(&self, loops: &mut L) -> Result<Found, L::Error> {
-        let mut found = Found::default();
+    pub fn run<L: Loops>(&self, loops: &mut L) -> Result<SearchResult, L::Error> {
+        let mut found = SearchResult::default();
         self.exact(&mut found, loops)?;
         if self.standard(&found.tried).is_some() {
             self.cheap(&mut found, loops)?;
@@ -139,7 +139,7 @@ impl Search<'_> {
     /// Tries the substeps that `next` says, until it says none or the time is up.
     fn climb<L: Loops>(
         &self,
-        found: &mut Found,
+        found: &mut SearchResult,
         loops: &mut L,
         integrator: Integrator,
         next: impl Fn(&[Rung]) -> Option<usize>,
@@ -153,7 +153,7 @@ impl Search<'_> {
     }
 
     /// A model that is so exact that a better one changes nothing.
-    fn exact<L: Loops>(&self, found: &mut Found, loops: &mut L) -> Result<(), L::Error> {
+    fn exact<L: Loops>(&self, found: &mut SearchResult, loops: &mut L) -> Result<(), L::Error> {
         let tolerance = 0.1 * self.within;
         for integrator in [Integrator::Rk4, Integrator::Rosenbrock] {
             let start = self.control.own_substeps(integrator);
@@ -166,7 +166,7 @@ impl Search<'_> {
     }
 
     /// The fewest substeps that are good, of each method.
-    fn cheap<L: Loops>(&self, found: &mut Found, loops: &mut L) -> Result<(), L::Error> {
+    fn cheap<L: Loops>(&self, found: &mut SearchResult, loops: &mut L) -> Result<(), L::Error> {
         for integrator in Integrator::ALL {
             let of_rk4 = self.rungs(&found.tried, Integrator::Rk4);
             let fewest = of_rk4.iter().filter(|rung| rung.good).map(|rung| rung.substeps).min();
@@ -186,7 +186,7 @@ impl Search<'_> {
     }
 
     /// Nets from the first guess to the smallest that is good, of each source.
-    fn nets<L: Loops>(&self, found: &mut Found, loops: &mut L) -> Result<(), L::Error> {
+    fn nets<L: Loops>(&self, found: &mut SearchResult, loops: &mut L) -> Result<(), L::Error> {
         let Some(standard) = self.standard(&found.tried) else { return Ok(()) };
         let planned = found.tried.len();
         let outcome = self.nets_by(&standard, found, loops);
@@ -198,7 +198,7 @@ impl Search<'_> {
     fn nets_by<L: Loops>(
         &self,
         standard: &Standard,
-        found: &mut Found,
+        found: &mut SearchResult,
         loops: &mut L,
     ) -> Result<(), L::Error> {
         let cheapest = standard.ranking(&found.tried).first().map(|(_, score)| score.p50_us);
@@ -206,7 +206,7 @@ impl Search<'_> {
         let shapes = shapes(self.states);
         let mut start = FIRST_NET;
         for &source in self.sources {
-            let places = |found: &Found| places(shapes, &found.tried, standard, source);
+            let places = |found: &SearchResult| places(shapes, &found.tried, standard, source);
             while let Some(place) = ladder::size(start, shapes.len(), &places(found)) {
                 if place > 0
                     && let Some(us) = self.out_of_reach(found, shapes[place - 1], source, hopeless)
@@ -234,7 +234,7 @@ impl Search<'_> {
     /// of a loop that fails says nothing: it is spent on problems without a solution.
     fn out_of_reach(
         &self,
-        found: &Found,
+        found: &SearchResult,
         shape: Shape,
         source: TrainingTarget,
         hopeless: f64,
@@ -246,7 +246,7 @@ impl Search<'_> {
     }
 
     /// Notes the sizes of nets for which there was no time.
-    fn note_time(&self, found: &mut Found, planned: usize) {
+    fn note_time(&self, found: &mut SearchResult, planned: usize) {
         if !found.is_out_of_time {
             return;
         }
@@ -272,7 +272,7 @@ impl Search<'_> {
     }
 
     /// Measures the times of the best in turns, and keeps the least of each.
-    fn finals<L: Loops>(&self, found: &mut Found, loops: &mut L) -> Result<(), L::Error> {
+    fn finals<L: Loops>(&self, found: &mut SearchResult, loops: &mut L) -> Result<(), L::Error> {
         let Some(standard) = self.standard(&found.tried) else { return Ok(()) };
         let finalists = self.finalists(&standard, &found.tried);
         let wanted = self.control.repetitions.div_ceil(ROUNDS);
@@ -333,7 +333,7 @@ fn not_needed(shapes: &[Shape], tried: &[(usize, bool)], source: TrainingTarget)
 /// Tries a net, and once more with a longer training if it was nearly good; gives whether there
 /// was time for it.
 fn try_net<L: Loops>(
-    found: &mut Found,
+    found: &mut SearchResult,
     loops: &mut L,
     standard: &Standard,
     (shape, source): (Shape, TrainingTarget),

@@ -55,7 +55,10 @@ impl<F: Fn(Candidate) -> Option<(f64, f64)>> Loops for Rules<F> {
     }
 }
 
-fn order(most: usize, rule: impl Fn(Candidate) -> Option<(f64, f64)>) -> (Vec<String>, Found) {
+fn order(
+    most: usize,
+    rule: impl Fn(Candidate) -> Option<(f64, f64)>,
+) -> (Vec<String>, SearchResult) {
     order_of(2, most, rule)
 }
 
@@ -63,7 +66,7 @@ fn order_of(
     states: usize,
     most: usize,
     rule: impl Fn(Candidate) -> Option<(f64, f64)>,
-) -> (Vec<String>, Found) {
+) -> (Vec<String>, SearchResult) {
     let control: ControlSpec = toml::from_str(SPEC).unwrap();
     let sources = &[TrainingTarget::Integrator, TrainingTarget::Physics];
     let search = Search { control: &control, sources, states, within: 0.01 };

@@ -1,6 +1,6 @@
 //! Checks of plants without equations, and of what is done with them.
 
-use super::Finding;
+use super::Checked;
 use super::values::{positive, value};
 use crate::black_box::{FmuSpec, ProcessSpec};
 use crate::plants::Plants;
@@ -9,7 +9,7 @@ use pinc_ode::Variable;
 use std::collections::BTreeMap;
 
 /// A plant under `key` that is a process.
-pub(super) fn program(key: &str, spec: &ProcessSpec, plants: &Plants) -> Finding {
+pub(super) fn program(key: &str, spec: &ProcessSpec, plants: &Plants) -> Checked {
     let key = format!("{key}.process");
     if spec.command.first().is_none_or(String::is_empty) {
         return value(&format!("{key}.command"), "no program", "a program and its arguments");
@@ -21,7 +21,7 @@ pub(super) fn program(key: &str, spec: &ProcessSpec, plants: &Plants) -> Finding
 }
 
 /// A plant under `key` that is an FMU.
-pub(super) fn fmu(key: &str, spec: &FmuSpec, plants: &Plants) -> Finding {
+pub(super) fn fmu(key: &str, spec: &FmuSpec, plants: &Plants) -> Checked {
     let key = format!("{key}.fmu");
     let FmuSpec { states, inputs, nominal, difference_step, .. } = spec;
     variables(&key, [states, inputs], nominal, *difference_step)?;
@@ -49,7 +49,7 @@ fn has(variables: &[Variable], name: &str) -> bool {
 }
 
 /// What a config would start, only where that is allowed.
-fn allowed(key: &str, found: &str, plants: &Plants) -> Finding {
+fn allowed(key: &str, found: &str, plants: &Plants) -> Checked {
     match plants.processes_are_allowed() {
         true => Ok(()),
         false => value(key, found, "--allow-process on the command line, which lets it run"),
@@ -61,7 +61,7 @@ fn variables(
     [states, inputs]: [&[Variable]; 2],
     nominal: &BTreeMap<String, f64>,
     difference_step: f64,
-) -> Finding {
+) -> Checked {
     for (name, list) in [("states", states), ("inputs", inputs)] {
         if list.is_empty() {
             return value(&format!("{key}.{name}"), "[]", "one or more");
@@ -78,7 +78,7 @@ fn variables(
 }
 
 /// What needs an equation does not go with a plant that has none.
-pub(super) fn uses(experiment: &Experiment) -> Finding {
+pub(super) fn uses(experiment: &Experiment) -> Checked {
     let is_black_box = experiment.plant.is_black_box();
     let models = experiment.control.iter().flat_map(|control| &control.models).enumerate();
     for (i, model) in models {

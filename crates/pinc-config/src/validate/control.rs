@@ -1,7 +1,7 @@
 //! Checks of `[control]`.
 
 use super::values::{at_least_one, bounds, length, named_tolerances, positive, tolerance, value};
-use super::{Finding, Problem, plant};
+use super::{Checked, Problem, plant};
 use crate::plants::Plants;
 use crate::problem::nearest;
 use crate::registry::Variables;
@@ -13,7 +13,7 @@ use pinc_ode::Integrator;
 const QUANTITY: &str = "controlled quantity";
 
 /// `[control]`.
-pub(super) fn closed_loop(spec: &ControlSpec, variables: &Variables, plants: &Plants) -> Finding {
+pub(super) fn closed_loop(spec: &ControlSpec, variables: &Variables, plants: &Plants) -> Checked {
     let (states, inputs) = (variables.states.len(), variables.inputs.len());
     models(spec)?;
     plant_in_the_loop(spec, variables, plants)?;
@@ -62,7 +62,7 @@ pub(super) fn closed_loop(spec: &ControlSpec, variables: &Variables, plants: &Pl
     problem.validate(variables.dims()).map_err(|error| mpc_finding(&error))
 }
 
-fn output_bounds(spec: &ControlSpec, variables: &Variables) -> Finding {
+fn output_bounds(spec: &ControlSpec, variables: &Variables) -> Checked {
     let outputs = variables.own_outputs().len();
     for (key, side) in [("output_low", &spec.output_low), ("output_high", &spec.output_high)] {
         let Some(side) = side else { continue };
@@ -82,7 +82,7 @@ fn output_bounds(spec: &ControlSpec, variables: &Variables) -> Finding {
     Ok(())
 }
 
-fn error_tolerance(spec: &ControlSpec, variables: &Variables) -> Finding {
+fn error_tolerance(spec: &ControlSpec, variables: &Variables) -> Checked {
     named_tolerances("control.error_tolerance", &spec.error_tolerance, variables)?;
     if spec.error_tolerance.is_empty() && spec.on_error != OnError::Count {
         let expected = "a table `control.error_tolerance` beside it";
@@ -92,7 +92,7 @@ fn error_tolerance(spec: &ControlSpec, variables: &Variables) -> Finding {
 }
 
 /// What is judged of a loop.
-fn verdict(spec: &ControlSpec) -> Finding {
+fn verdict(spec: &ControlSpec) -> Checked {
     let share = spec.max_failed_share;
     if !(0.0..=1.0).contains(&share) {
         return value("control.max_failed_share", share, "a share from 0 to 1");
@@ -105,7 +105,7 @@ fn verdict(spec: &ControlSpec) -> Finding {
     Ok(())
 }
 
-fn models(spec: &ControlSpec) -> Finding {
+fn models(spec: &ControlSpec) -> Checked {
     let twice = |kind: ModelKind| spec.models.iter().filter(|&&m| m == kind).count() > 1;
     if spec.models.is_empty() || spec.models.iter().any(|&kind| twice(kind)) {
         let names: Vec<_> = spec.models.iter().map(|m| m.name()).collect();
@@ -116,7 +116,7 @@ fn models(spec: &ControlSpec) -> Finding {
     Ok(())
 }
 
-fn close_ups(spec: &ControlSpec) -> Finding {
+fn close_ups(spec: &ControlSpec) -> Checked {
     for (i, window) in spec.close_ups_s.iter().enumerate() {
         let [from, to] = *window;
         if !(0.0 <= from && from < to && from < spec.duration_s) {
@@ -128,7 +128,7 @@ fn close_ups(spec: &ControlSpec) -> Finding {
     Ok(())
 }
 
-fn controlled(spec: &ControlSpec, variables: &Variables) -> Finding {
+fn controlled(spec: &ControlSpec, variables: &Variables) -> Checked {
     let mut known = variables.state_names();
     known.extend(variables.own_output_names());
     if spec.controlled.is_empty() {
@@ -148,7 +148,7 @@ fn controlled(spec: &ControlSpec, variables: &Variables) -> Finding {
     Ok(())
 }
 
-fn horizons(spec: &ControlSpec) -> Finding {
+fn horizons(spec: &ControlSpec) -> Checked {
     at_least_one("control.n2", spec.n2)?;
     for (key, steps) in [("control.n1", spec.n1), ("control.nu", spec.nu)] {
         if !(1..=spec.n2).contains(&steps) {
@@ -158,7 +158,7 @@ fn horizons(spec: &ControlSpec) -> Finding {
     Ok(())
 }
 
-fn input_differences(spec: &ControlSpec, inputs: usize) -> Finding {
+fn input_differences(spec: &ControlSpec, inputs: usize) -> Checked {
     for (i, difference) in spec.input_differences.iter().enumerate() {
         let key = format!("control.input_differences[{i}]");
         let last = i64::try_from(spec.nu).unwrap_or(i64::MAX) - 1;
@@ -175,7 +175,7 @@ fn input_differences(spec: &ControlSpec, inputs: usize) -> Finding {
     Ok(())
 }
 
-fn references(spec: &ControlSpec) -> Finding {
+fn references(spec: &ControlSpec) -> Checked {
     if spec.references.is_empty() {
         return value("control.references", "[]", "at least one { start_s, value }");
     }
@@ -199,7 +199,7 @@ fn references(spec: &ControlSpec) -> Finding {
 }
 
 /// The plant in the loop: it has the states and inputs of the one that the models are of.
-fn plant_in_the_loop(spec: &ControlSpec, variables: &Variables, plants: &Plants) -> Finding {
+fn plant_in_the_loop(spec: &ControlSpec, variables: &Variables, plants: &Plants) -> Checked {
     let Some(real) = &spec.plant else { return Ok(()) };
     plant("control.plant", real, plants)?;
     let found = real.variables();
@@ -252,7 +252,7 @@ fn mpc_finding(error: &MpcError) -> (String, Problem) {
     (key.to_owned(), Problem::Value { found, expected })
 }
 
-fn weights(key: &str, weight: &Weight, expected: usize, per: &'static str) -> Finding {
+fn weights(key: &str, weight: &Weight, expected: usize, per: &'static str) -> Checked {
     let diagonal = match weight {
         Weight::Diagonal(diagonal) => diagonal,
         Weight::Full(rows) => {

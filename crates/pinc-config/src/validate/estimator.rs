@@ -1,7 +1,7 @@
 //! Checks of `[control.measurement]` and `[control.estimator]`.
 
 use super::values::{at_least_one, bounds, length, not_negative, positive, value};
-use super::{Finding, Problem};
+use super::{Checked, Problem};
 use crate::problem::nearest;
 use crate::registry::Variables;
 use crate::{
@@ -21,7 +21,7 @@ pub(super) fn output_feedback(
     experiment: &Experiment,
     spec: &ControlSpec,
     variables: &Variables,
-) -> Finding {
+) -> Checked {
     let measurement = spec.measurement.clone().unwrap_or_default();
     let mut known = variables.state_names();
     known.extend(variables.own_output_names());
@@ -53,7 +53,7 @@ pub(super) fn output_feedback(
 }
 
 /// The numbers of an estimator.
-fn tuned(spec: &EstimatorSpec, variables: &Variables, measured: usize) -> Finding {
+fn tuned(spec: &EstimatorSpec, variables: &Variables, measured: usize) -> Checked {
     let states = variables.states.len();
     let key = |name: &str| format!("{ESTIMATOR}.{name}");
     for (name, sd) in [("process_sd", &spec.process_sd), ("initial_sd", &spec.initial_sd)] {
@@ -117,7 +117,7 @@ fn unknown_parameters(
     spec: &EstimatorSpec,
     control: &ControlSpec,
     experiment: &Experiment,
-) -> Finding {
+) -> Checked {
     let known: Vec<String> = experiment.plant.parameters().into_keys().collect();
     for (i, parameter) in spec.parameters.iter().enumerate() {
         let key = |name: &str| format!("{ESTIMATOR}.parameters[{i}].{name}");
@@ -151,7 +151,7 @@ fn unknown_parameters(
 }
 
 /// Names of which each is known and given once.
-pub(super) fn names(key: &str, names: &[String], known: &[String]) -> Finding {
+pub(super) fn names(key: &str, names: &[String], known: &[String]) -> Checked {
     if names.is_empty() {
         return value(key, "[]", &format!("one or more of {}", known.join(", ")));
     }
@@ -168,7 +168,7 @@ pub(super) fn names(key: &str, names: &[String], known: &[String]) -> Finding {
     Ok(())
 }
 
-fn none_negative(key: &str, numbers: &[f64]) -> Finding {
+fn none_negative(key: &str, numbers: &[f64]) -> Checked {
     let mut numbers = numbers.iter().enumerate();
     numbers.try_for_each(|(i, &number)| not_negative(&format!("{key}[{i}]"), number))
 }

@@ -2,7 +2,7 @@
 
 use super::estimator::names;
 use super::values::{at_least_one, length, positive, value};
-use super::{Finding, Problem};
+use super::{Checked, Problem};
 use crate::problem::nearest;
 use crate::registry::Variables;
 use crate::{Experiment, IdentifySpec};
@@ -11,7 +11,7 @@ pub(super) fn identification(
     experiment: &Experiment,
     spec: &IdentifySpec,
     variables: &Variables,
-) -> Finding {
+) -> Checked {
     let mut known = variables.state_names();
     known.extend(variables.own_output_names());
     if let Some(measured) = &spec.measured {
@@ -38,7 +38,7 @@ pub(super) fn identification(
     parameters(experiment, spec)
 }
 
-fn initial_state(spec: &IdentifySpec, variables: &Variables) -> Finding {
+fn initial_state(spec: &IdentifySpec, variables: &Variables) -> Checked {
     let states = variables.states.len();
     match (&spec.initial_state, &spec.fixed_initial_state) {
         (Some(state), None) => length("identify.initial_state", state, states, "state"),
@@ -55,7 +55,7 @@ fn initial_state(spec: &IdentifySpec, variables: &Variables) -> Finding {
     }
 }
 
-fn parameters(experiment: &Experiment, spec: &IdentifySpec) -> Finding {
+fn parameters(experiment: &Experiment, spec: &IdentifySpec) -> Checked {
     let known: Vec<String> = experiment.plant.parameters().into_keys().collect();
     for (i, parameter) in spec.parameters.iter().enumerate() {
         let key = |name: &str| format!("identify.parameters[{i}].{name}");

@@ -1,7 +1,7 @@
 //! Upper limits of all sizes: with larger values a run would take all memory, or a lifetime.
 
 use super::values::value;
-use super::{Finding, Problem};
+use super::{Checked, Problem};
 use crate::{ControlSpec, Experiment};
 use pinc_mpc::{QpMethod, Weight};
 use pinc_net::optim::OptimizerConfig;
@@ -32,7 +32,7 @@ const BUDGET_US: f64 = 1e9;
 const COST: f64 = 1e100;
 
 /// Checks all sizes of an experiment.
-pub(super) fn sizes(experiment: &Experiment, dims: Dims) -> Finding {
+pub(super) fn sizes(experiment: &Experiment, dims: Dims) -> Checked {
     net(experiment, dims)?;
     training(experiment)?;
     let net_step_s = experiment.net_step_s();
@@ -64,7 +64,7 @@ pub(super) fn sizes(experiment: &Experiment, dims: Dims) -> Finding {
     controller(control, dims)
 }
 
-fn net(experiment: &Experiment, dims: Dims) -> Finding {
+fn net(experiment: &Experiment, dims: Dims) -> Checked {
     let Some(model) = &experiment.model else { return Ok(()) };
     at_most("model.hidden_layers", model.hidden_layers, 1000)?;
     at_most("model.neurons", model.neurons, PARTS)?;
@@ -89,7 +89,7 @@ fn net(experiment: &Experiment, dims: Dims) -> Finding {
     Ok(())
 }
 
-fn training(experiment: &Experiment) -> Finding {
+fn training(experiment: &Experiment) -> Checked {
     let Some(training) = &experiment.training else { return Ok(()) };
     at_most("training.threads", training.effort.threads, THREADS)?;
     let config = &training.config;
@@ -110,7 +110,7 @@ fn training(experiment: &Experiment) -> Finding {
     at_most("training.growth.factor", growth.factor, 1000)
 }
 
-fn controller(spec: &ControlSpec, dims: Dims) -> Finding {
+fn controller(spec: &ControlSpec, dims: Dims) -> Checked {
     at_most("control.n2", spec.n2, HORIZON)?;
     at_most("control.delay_steps", spec.delay_steps, PARTS)?;
     at_most("control.sqp.max_iterations", spec.sqp.max_iterations, 1_000_000)?;
@@ -138,7 +138,7 @@ fn controller(spec: &ControlSpec, dims: Dims) -> Finding {
     Ok(())
 }
 
-fn weights(key: &str, weight: &Weight) -> Finding {
+fn weights(key: &str, weight: &Weight) -> Checked {
     let large = |entry: &f64| entry.abs() > COST;
     let rows: &[Vec<f64>] = match weight {
         Weight::Diagonal(diagonal) => std::slice::from_ref(diagonal),
@@ -167,11 +167,11 @@ fn steps_of(
     Ok(steps as usize)
 }
 
-fn at_most(key: &str, found: usize, most: usize) -> Finding {
+fn at_most(key: &str, found: usize, most: usize) -> Checked {
     if found <= most { Ok(()) } else { value(key, found, &format!("{most} at most")) }
 }
 
-fn number_at_most(key: &str, found: f64, most: f64) -> Finding {
+fn number_at_most(key: &str, found: f64, most: f64) -> Checked {
     if found <= most {
         Ok(())
     } else {
@@ -180,7 +180,7 @@ fn number_at_most(key: &str, found: f64, most: f64) -> Finding {
 }
 
 /// Checks how many rows a table held in memory has.
-fn rows_at_most(key: &str, of: &str, factors: &[usize]) -> Finding {
+fn rows_at_most(key: &str, of: &str, factors: &[usize]) -> Checked {
     let rows = product(factors);
     if rows <= STEPS {
         return Ok(());

@@ -26,11 +26,11 @@ use values::{
 };
 
 /// The key and what is wrong with its value.
-type Finding = Result<(), (String, Problem)>;
+type Checked = Result<(), (String, Problem)>;
 
 impl Experiment {
     /// Checks that the values make sense by themselves and together.
-    pub(crate) fn validate(&self) -> Finding {
+    pub(crate) fn validate(&self) -> Checked {
         directory_name(&self.name)?;
         plant("plant", &self.plant, self.plants())?;
         let variables = self.plant.variables();
@@ -89,7 +89,7 @@ impl Experiment {
         self.training.as_ref().is_some_and(|t| t.config.source == TrainingTarget::Integrator)
     }
 
-    fn sections(&self, dims: Dims) -> Finding {
+    fn sections(&self, dims: Dims) -> Checked {
         if let Some(model) = &self.model {
             model.validate(dims).map_err(|error| net_finding("model", &error))?;
             let loops = self.control.as_ref().map_or(&[][..], |control| &control.models);
@@ -168,7 +168,7 @@ fn net_finding(section: &str, error: &NetError) -> (String, Problem) {
     }
 }
 
-pub(crate) fn directory_name(name: &str) -> Finding {
+pub(crate) fn directory_name(name: &str) -> Checked {
     let allowed = |c: char| c.is_ascii_alphanumeric() || matches!(c, '-' | '_' | '.');
     if name.starts_with(|c: char| c.is_ascii_alphanumeric()) && name.chars().all(allowed) {
         return Ok(());
@@ -178,7 +178,7 @@ pub(crate) fn directory_name(name: &str) -> Finding {
 }
 
 /// A plant under the key `key`.
-fn plant(key: &str, plant: &PlantSpec, plants: &Plants) -> Finding {
+fn plant(key: &str, plant: &PlantSpec, plants: &Plants) -> Checked {
     let place = key;
     match plant {
         PlantSpec::VanDerPol(spec) if spec.mu < 0.0 => {
@@ -207,7 +207,7 @@ fn plant(key: &str, plant: &PlantSpec, plants: &Plants) -> Finding {
 }
 
 /// The constants of a built-in plant.
-fn constants(key: &str, plant: &PlantSpec) -> Finding {
+fn constants(key: &str, plant: &PlantSpec) -> Checked {
     let known: Vec<String> = plant.parameters().into_keys().collect();
     for (name, &number) in plant.constants().into_iter().flatten() {
         let key = format!("{key}.{}.constants.{name}", plant.name());
@@ -233,7 +233,7 @@ pub(crate) fn expression_finding(key: &str, error: ExpressionError) -> (String, 
     (key, Problem::Expression { error: Box::new(error), nearest })
 }
 
-fn own_plant(key: &str, spec: &OwnPlantSpec, plants: &Plants) -> Finding {
+fn own_plant(key: &str, spec: &OwnPlantSpec, plants: &Plants) -> Checked {
     let Some((name, _)) = spec.parts() else {
         return value(key, "none or several plants", "one, as [plant.own.pendulum]");
     };
@@ -256,7 +256,7 @@ fn own_plant(key: &str, spec: &OwnPlantSpec, plants: &Plants) -> Finding {
     }
 }
 
-fn training_choices(spec: &TrainingSpec, dims: Dims) -> Finding {
+fn training_choices(spec: &TrainingSpec, dims: Dims) -> Checked {
     if let Some(limit) = spec.effort.time_limit_s {
         positive("training.time_limit_s", limit)?;
     }
@@ -277,7 +277,7 @@ fn training_choices(spec: &TrainingSpec, dims: Dims) -> Finding {
     config.validate().map_err(|error| net_finding("training", &error))
 }
 
-fn measurements(spec: &DataSpec) -> Finding {
+fn measurements(spec: &DataSpec) -> Checked {
     if spec.files.is_empty() {
         return value("data.files", "[]", "at least one CSV file");
     }
@@ -288,7 +288,7 @@ fn validation_scenarios(
     spec: &ValidationConfig,
     dims: Dims,
     sample_time_s: Option<f64>,
-) -> Finding {
+) -> Checked {
     whole_steps("validation.duration_s", spec.duration_s, sample_time_s)?;
     at_least_one("validation.scenarios", spec.scenarios)?;
     at_least_one("validation.subintervals", spec.subintervals)?;
@@ -297,7 +297,7 @@ fn validation_scenarios(
     spec.domain.validate(dims).map_err(|error| net_finding("validation.domain", &error))
 }
 
-fn free_run(spec: &PredictionSpec, variables: &Variables, sample_time_s: Option<f64>) -> Finding {
+fn free_run(spec: &PredictionSpec, variables: &Variables, sample_time_s: Option<f64>) -> Checked {
     whole_steps("prediction.duration_s", spec.duration_s, sample_time_s)?;
     at_least_one("prediction.subintervals", spec.subintervals)?;
     tolerance("prediction.tolerance", spec.tolerance)?;
@@ -308,7 +308,7 @@ fn free_run(spec: &PredictionSpec, variables: &Variables, sample_time_s: Option<
 }
 
 /// A conventional PINN knows one scenario, so that it can run freely in that one only.
-fn free_run_of_scenario(spec: &PredictionSpec, scenario: &Scenario) -> Finding {
+fn free_run_of_scenario(spec: &PredictionSpec, scenario: &Scenario) -> Checked {
     for (key, found, known) in [
         ("initial_state", &spec.initial_state, &scenario.initial_state),
         ("input_low", &spec.input_low, &scenario.input),

@@ -1,6 +1,6 @@
 //! Names of states, inputs and outputs as names of columns; names of parameters.
 
-use super::{Finding, value};
+use super::{Checked, value};
 use crate::problem::{Problem, nearest};
 use crate::registry::Variables;
 use crate::{DataSpec, Experiment, PlantSpec};
@@ -15,7 +15,7 @@ const TAKEN: [&str; 3] = ["t", "mark", "scenario"];
 
 /// Checks that names and units have no control characters, which the files of a run and of an
 /// export cannot have.
-pub(super) fn printable(place: &str, plant: &PlantSpec) -> Finding {
+pub(super) fn printable(place: &str, plant: &PlantSpec) -> Checked {
     let variables = plant.variables();
     let lists = [
         ("states", &variables.states),
@@ -46,7 +46,7 @@ pub(super) fn printable(place: &str, plant: &PlantSpec) -> Finding {
 }
 
 /// Checks that no variable has the name of another's column.
-pub(super) fn column_names(plant: &PlantSpec, variables: &Variables) -> Finding {
+pub(super) fn column_names(plant: &PlantSpec, variables: &Variables) -> Checked {
     let own = variables.own_outputs().into_iter();
     let lists = [("states", &variables.states), ("inputs", &variables.inputs)];
     let listed = lists.into_iter().flat_map(|(list, all)| {
@@ -79,7 +79,7 @@ pub(super) fn column_names(plant: &PlantSpec, variables: &Variables) -> Finding 
 }
 
 /// Checks the parameters that are trained with the net.
-pub(super) fn unknown_parameters(experiment: &Experiment, data: &DataSpec) -> Finding {
+pub(super) fn unknown_parameters(experiment: &Experiment, data: &DataSpec) -> Checked {
     let known: Vec<String> = experiment.plant.parameters().into_keys().collect();
     for (i, name) in data.parameters.iter().enumerate() {
         let (key, quoted) = (format!("data.parameters[{i}]"), format!("{name:?}"));
@@ -110,7 +110,7 @@ pub(super) fn unknown_parameters(experiment: &Experiment, data: &DataSpec) -> Fi
 }
 
 /// Checks that the parameters that vary in [domain] and [validation] are ones of the plant.
-pub(super) fn varying_parameters(experiment: &Experiment) -> Finding {
+pub(super) fn varying_parameters(experiment: &Experiment) -> Checked {
     let names = |domain: &Domain| -> Vec<String> {
         domain.parameters.iter().map(|range| range.name.clone()).collect()
     };

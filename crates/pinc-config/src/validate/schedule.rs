@@ -1,7 +1,7 @@
 //! Checks of what changes during a closed loop: parameters and loads.
 
 use super::values::{step_mark, value, whole_steps};
-use super::{Finding, Problem};
+use super::{Checked, Problem};
 use crate::problem::nearest;
 use crate::{ControlSpec, Experiment, ParameterStep, Variables};
 
@@ -11,7 +11,7 @@ const PARAMETERS: &str = "control.parameter_schedule";
 /// Key of the parameters that the plant in the loop has.
 const PLANT: &str = "control.plant_schedule";
 
-pub(super) fn schedules(experiment: &Experiment, spec: &ControlSpec) -> Finding {
+pub(super) fn schedules(experiment: &Experiment, spec: &ControlSpec) -> Checked {
     let varying: Vec<String> = experiment.varying().into_iter().map(str::to_owned).collect();
     let own: Vec<String> = experiment.plant_in_the_loop().parameters().into_keys().collect();
     if !spec.parameter_schedule.is_empty() && spec.estimator.is_some() {
@@ -26,7 +26,7 @@ pub(super) fn schedules(experiment: &Experiment, spec: &ControlSpec) -> Finding 
 
 /// Checks that the loop ends, and that everything in it begins and ends, with a step. Without T
 /// every positive time may be the mark of a step.
-pub(super) fn times(spec: &ControlSpec, sample_time_s: Option<f64>) -> Finding {
+pub(super) fn times(spec: &ControlSpec, sample_time_s: Option<f64>) -> Checked {
     whole_steps("control.duration_s", spec.duration_s, sample_time_s)?;
     for (i, reference) in spec.references.iter().enumerate() {
         let key = format!("control.references[{i}].start_s");
@@ -46,7 +46,7 @@ pub(super) fn times(spec: &ControlSpec, sample_time_s: Option<f64>) -> Finding {
     Ok(())
 }
 
-fn loads(spec: &ControlSpec, variables: &Variables) -> Finding {
+fn loads(spec: &ControlSpec, variables: &Variables) -> Checked {
     for (i, load) in spec.loads.iter().enumerate() {
         let key = |name: &str| format!("control.loads[{i}].{name}");
         if load.start_s >= spec.duration_s {
@@ -78,7 +78,7 @@ fn loads(spec: &ControlSpec, variables: &Variables) -> Finding {
 }
 
 /// Checks the parameters that are measured.
-fn measured(spec: &ControlSpec, varying: &[String]) -> Finding {
+fn measured(spec: &ControlSpec, varying: &[String]) -> Checked {
     let measured = &spec.measured_parameters;
     for (i, name) in measured.iter().enumerate() {
         let (key, quoted) = (format!("control.measured_parameters[{i}]"), format!("{name:?}"));
@@ -108,7 +108,7 @@ fn measured(spec: &ControlSpec, varying: &[String]) -> Finding {
     }
 }
 
-fn schedule(key: &str, changes: &[ParameterStep], known: &[String], duration_s: f64) -> Finding {
+fn schedule(key: &str, changes: &[ParameterStep], known: &[String], duration_s: f64) -> Checked {
     let mut before = 0.0;
     for (i, change) in changes.iter().enumerate() {
         let start = format!("{key}[{i}].start_s");

@@ -1,6 +1,6 @@
 //! Checks of `control.stages_s`.
 
-use super::Finding;
+use super::Checked;
 use super::limits::PARTS;
 use super::values::{length, positive, value};
 use crate::{ControlSpec, ModelKind, Profile};
@@ -13,7 +13,7 @@ pub(super) fn lengths(
     spec: &ControlSpec,
     model: Option<&NetConfig>,
     is_distilled: bool,
-) -> Finding {
+) -> Checked {
     let Some(stages) = &spec.stages_s else { return Ok(()) };
     if stages.is_empty() {
         return value(KEY, "[]", "the lengths of one stage or more");

@@ -4,6 +4,7 @@ use pinc_ad::Scalar;
 use pinc_estimate::{
     Augmentation, Augmented, Compensated, Disturbance, Ekf, EstimateError, Measured, Tuning,
 };
+use pinc_mpc::{Nmpc, NmpcProblem, SqpConfig, SqpStatus, Weights};
 use pinc_ode::{
     Dims, LinearizationBuffer, Model, OutputLinearization, Plant, Rk4, Stages, Variable,
 };
@@ -207,4 +208,30 @@ fn what_does_not_fit_is_refused() {
     let error = Ekf::new(spring(), tuning).unwrap_err();
     assert_eq!(error, EstimateError::FreeParameters { count: 2 });
     assert_eq!(spring().dims(), Dims::new(2, 1).with_parameters(2).with_outputs(2));
+}
+
+/// The problem has the parameters that the model takes: no disturbances and the nominal stiffness.
+/// Its controller plans what one with a plain model of these parameters does.
+#[test]
+fn a_compensated_model_gives_a_problem_that_fits_it() {
+    let weights = || Weights::uniform(vec![4.0, 1.0], vec![0.5]);
+    let first_input = |problem: NmpcProblem, model: Box<dyn Model>| {
+        let mut nmpc = Nmpc::new(problem, model, SqpConfig::default()).unwrap();
+        let step = nmpc.step(&[1.0, -0.5], &[0.2; 8]).unwrap();
+        assert_eq!(step.status, SqpStatus::Converged);
+        step.u[0]
+    };
+    let plain = NmpcProblem {
+        parameters: vec![0.25, 1.5],
+        ..NmpcProblem::new(spring().dims(), 4, weights())
+    };
+    let expected = first_input(plain, spring());
+    for augmentation in augmentations() {
+        let model = Compensated::new(spring(), augmentation).unwrap();
+        let problem = model.problem(4, weights());
+        let (w, disturbances) = (&problem.parameters, model.dims().np - 1);
+        assert_eq!(*w, [vec![0.0; disturbances], vec![1.5]].concat());
+        let found = first_input(problem, Box::new(model));
+        assert!((found - expected).abs() < 1e-9, "{found} {expected}");
+    }
 }

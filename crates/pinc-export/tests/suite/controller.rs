@@ -147,14 +147,14 @@ impl Case {
                 Some(equations) => {
                     let names: Vec<&str> = net.parameter_names().collect();
                     let plant = equations.compile_with(&names).unwrap().into_dyn();
-                    let outputs = plant.model(Integrator::Rk4, self.sample_time_s, 1);
+                    let outputs = plant.model(Integrator::Rk4, self.sample_time_s, 1).unwrap();
                     Box::new(WithOutputs::new(PincModel::new(net).unwrap(), outputs))
                 }
             },
             Source::RungeKutta(equations, method, substeps) => {
                 let names: Vec<&str> = self.parameters.iter().map(String::as_str).collect();
                 let plant = equations.compile_with(&names).unwrap().into_dyn();
-                plant.model(*method, self.sample_time_s, *substeps)
+                plant.model(*method, self.sample_time_s, *substeps).unwrap()
             }
         }
     }

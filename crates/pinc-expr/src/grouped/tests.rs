@@ -1,10 +1,13 @@
 //! The code of grouped functions, and what it computes on every instruction set.
 
+#[path = "../../tests/suite/on_dual_numbers.rs"]
+mod on_dual_numbers;
+
 use super::Parts;
 use crate::Equations;
 use pinc_ad::simd::Isa;
 use pinc_ode::sparse_runge_kutta;
-use pinc_ode::{Dims, LinearizationBuffer, Model, Rk4, Stages, Tableau, Variable};
+use pinc_ode::{Dims, Integrator, LinearizationBuffer, Model, Stages, Tableau, Variable};
 
 fn equations(states: &[(String, String)]) -> Equations {
     Equations {
@@ -28,10 +31,12 @@ fn rod(n: usize) -> Equations {
     equations(&(0..n).map(equation).collect::<Vec<_>>())
 }
 
+fn numbers(len: usize) -> Vec<f64> {
+    (0..len).map(|i| 0.7 + (i as f64 * 0.9).sin() * 0.5).collect()
+}
+
 fn linearize(model: &mut dyn Model, count: usize) -> LinearizationBuffer {
     let Dims { nx, nu, .. } = model.dims();
-    let numbers =
-        |len: usize| (0..len).map(|i| 0.7 + (i as f64 * 0.9).sin() * 0.5).collect::<Vec<_>>();
     let (x, u) = (numbers(count * nx), numbers(count * nu));
     let mut out = LinearizationBuffer::new(model.dims(), count);
     model.linearize(Stages { x: &x, u: &u, p: &[] }, out.as_mut());
@@ -53,10 +58,13 @@ fn every_instruction_set_computes_every_operation() {
     // The first four alone are a small plant.
     for count in [4, 5] {
         let plant = equations(&states[..count]).compile().expect("valid equations");
-        let mut expected = Rk4::new(plant.clone(), 0.01, 2);
-        let expected = linearize(&mut expected, 11);
+        let (x, u) = (numbers(11 * count), numbers(11));
+        let points = x.chunks_exact(count).zip(&u).flat_map(|(x, &u)| [x, &[u]].concat());
+        let points: Vec<f64> = points.collect();
+        let method = (Integrator::Rk4, 0.01, 2);
+        let expected = on_dual_numbers::linearize(&plant, method, &points);
         for isa in Isa::available() {
-            let (sparse, method) = (plant.sparse.clone(), Tableau::CLASSICAL);
+            let (sparse, method) = (plant.sparse.plant.clone(), Tableau::CLASSICAL);
             let found = linearize(&mut *sparse_runge_kutta(sparse, method, 0.01, 2, isa), 11);
             for (found, expected) in
                 [(&found.next, &expected.next), (&found.a, &expected.a), (&found.b, &expected.b)]
@@ -74,8 +82,8 @@ fn every_instruction_set_computes_every_operation() {
 fn a_rods_code_grows_with_its_nodes_and_has_no_more_groups() {
     let sizes = |n: usize| {
         let plant = rod(n).compile().expect("valid equations");
-        let code = &plant.sparse.rhs.0.linearization;
-        assert_eq!(plant.sparse.rhs.0.pattern.entries(), 3 * n - 2 + 1);
+        let code = &plant.sparse.plant.rhs.0.linearization;
+        assert_eq!(plant.sparse.plant.rhs.0.pattern.entries(), 3 * n - 2 + 1);
         (code.steps.len(), code.groups.len())
     };
     let [(short, groups), (middle, _), (long, most)] = [sizes(20), sizes(40), sizes(60)];
@@ -91,7 +99,7 @@ fn constants_fold_across_the_chain() {
     let code = |text: &str| {
         let plant = equations(&[("x".to_owned(), text.to_owned())]).compile();
         let plant = plant.expect("valid equations");
-        let Parts { values, linearization, .. } = &*plant.sparse.rhs.0;
+        let Parts { values, linearization, .. } = &*plant.sparse.plant.rhs.0;
         linearization.steps.len() - values.steps.len()
     };
     // x + 2 and its square are known; the product of the two, then with a number.

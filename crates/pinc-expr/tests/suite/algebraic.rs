@@ -5,7 +5,7 @@ use super::numbers::{text, texts, variables};
 use pinc_ad::simd::{Isa, Simd, Task};
 use pinc_ad::{Dual, Tape, central_difference};
 use pinc_expr::{AlgebraicVariable, Equations, ExpressionPlant, Start};
-use pinc_ode::{Integrator, LinearizationBuffer, Model, Plant, Rodas4, Stages, VectorDual};
+use pinc_ode::{Integrator, LinearizationBuffer, Model, Plant, Stages, VectorDual};
 use proptest::prelude::*;
 
 /// The error of some ten roundings in each of two ways to a number, relative to 1 + |value|.
@@ -165,16 +165,16 @@ fn every_instruction_set() {
     }
 }
 
-/// Rodas4 needs second derivatives.
+/// The Rosenbrock method needs second derivatives.
 #[test]
 fn every_integrator() {
     let points: Vec<f64> = (0..33).map(|i| (0.7 * f64::from(i)).sin()).collect();
     let models = |plant: ExpressionPlant| -> [Box<dyn Model>; 3] {
-        let erased = plant.clone().into_dyn();
+        let erased = plant.into_dyn();
         [
-            erased.model(Integrator::Rk4, 0.2, 2),
-            erased.model(Integrator::Rk5, 0.2, 1),
-            Box::new(Rodas4::new(plant, 0.2, 2)),
+            erased.model(Integrator::Rk4, 0.2, 2).unwrap(),
+            erased.model(Integrator::Rk5, 0.2, 1).unwrap(),
+            erased.model(Integrator::Rosenbrock, 0.2, 2).unwrap(),
         ]
     };
     let pairs = models(implicit(A, B)).into_iter().zip(models(eliminated(A, B)));
@@ -188,7 +188,7 @@ fn every_integrator() {
 #[test]
 fn lanes_are_independent() {
     let points: Vec<f64> = (0..24).map(|i| (0.7 * f64::from(i)).sin()).collect();
-    let mut model = implicit(A, B).into_dyn().model(Integrator::Rk4, 0.2, 1);
+    let mut model = implicit(A, B).into_dyn().model(Integrator::Rk4, 0.2, 1).unwrap();
     let all = linearized(&mut *model, &points);
     let mut repeated = points[..3].repeat(8);
     let alone = linearized(&mut *model, &repeated);
@@ -253,7 +253,7 @@ fn unknowns_are_outputs() {
     assert!(close(&y, &[54.0, 6.0], 1.0).is_ok());
     equations.outputs.clear();
     let plant = equations.compile().unwrap().into_dyn();
-    let mut model = plant.model(Integrator::Rk4, 0.1, 1);
+    let mut model = plant.model(Integrator::Rk4, 0.1, 1).unwrap();
     let (mut y, mut c, mut d) = ([0.0], [0.0], [9.0]);
     let out = pinc_ode::OutputLinearization { y: &mut y, c: &mut c, d: &mut d, e: &mut [] };
     model.linearize_output(Stages { x: &[9.0], u: &[0.0], p: &[] }, out);
@@ -298,7 +298,7 @@ fn no_root_and_several() {
 fn lanes_without_a_root_do_not_disturb_others() {
     let plant = circle().compile().unwrap();
     let run = |x: &[f64]| {
-        let mut model = plant.clone().into_dyn().model(Integrator::Rk4, 1e-3, 1);
+        let mut model = plant.clone().into_dyn().model(Integrator::Rk4, 1e-3, 1).unwrap();
         let mut out = LinearizationBuffer::new(model.dims(), x.len() / 2);
         model.linearize(Stages { x, u: &vec![0.0; x.len() / 2], p: &[] }, out.as_mut());
         out.next

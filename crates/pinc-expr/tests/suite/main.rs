@@ -5,6 +5,7 @@ mod arrays;
 #[path = "../../../pinc-ad/tests/suite/common.rs"]
 mod common;
 mod numbers;
+mod on_dual_numbers;
 mod outputs;
 mod sparse;
 mod syntax;

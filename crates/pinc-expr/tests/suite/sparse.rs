@@ -1,10 +1,11 @@
-//! The integrators of text plants, which use sparse Jacobians, against those that are compiled for
-//! an equation, which use dual numbers.
+//! The integrators of text plants, which use sparse Jacobians, against textbook ones on dual
+//! numbers.
 
 use super::common::{INPUTS, config, expressions, points};
 use super::numbers::{numbers, plant_of, texts, variables};
+use super::on_dual_numbers;
 use pinc_expr::{Equations, ExpressionPlant};
-use pinc_ode::{Dims, Integrator, LinearizationBuffer, Model, Plant, Rk4, Rk5, Rodas4, Stages};
+use pinc_ode::{Dims, Integrator, LinearizationBuffer, Model, Plant, Stages};
 use proptest::prelude::*;
 
 /// What the two may differ by, relative to 1 + |value|.
@@ -38,24 +39,14 @@ fn difference(found: &LinearizationBuffer, expected: &LinearizationBuffer) -> f6
     errors.fold(0.0, f64::max)
 }
 
-/// The methods on dual numbers.
-fn on_dual_numbers(plant: &ExpressionPlant, h: f64) -> [Box<dyn Model>; 3] {
-    let [a, b, c] = std::array::from_fn(|_| plant.clone());
-    [Box::new(Rk4::new(a, h, 2)), Box::new(Rk5::new(b, h, 1)), Box::new(Rodas4::new(c, h, 2))]
-}
-
 /// The difference of each method from that on dual numbers.
 fn differences(plant: &ExpressionPlant, h: f64, points: &[f64]) -> [f64; 3] {
     let erased = plant.clone().into_dyn();
-    let found = [
-        erased.model(Integrator::Rk4, h, 2),
-        erased.model(Integrator::Rk5, h, 1),
-        erased.model(Integrator::Rosenbrock, h, 2),
-    ];
-    let mut pairs = found.into_iter().zip(on_dual_numbers(plant, h));
-    std::array::from_fn(|_| {
-        let (mut found, mut expected) = pairs.next().expect("three methods");
-        difference(&linearize(&mut *found, points), &linearize(&mut *expected, points))
+    let methods = [(Integrator::Rk4, 2), (Integrator::Rk5, 1), (Integrator::Rosenbrock, 2)];
+    methods.map(|(integrator, substeps)| {
+        let mut found = erased.model(integrator, h, substeps).unwrap();
+        let expected = on_dual_numbers::linearize(plant, (integrator, h, substeps), points);
+        difference(&linearize(&mut *found, points), &expected)
     })
 }
 
@@ -101,6 +92,11 @@ proptest! {
             prop_assert!(difference <= ROUNDING, "{:e}", difference);
         }
     }
+}
+
+/// A step of the Rosenbrock method on dual numbers.
+fn rosenbrock(plant: &ExpressionPlant, h: f64, points: &[f64]) -> LinearizationBuffer {
+    on_dual_numbers::linearize(plant, (Integrator::Rosenbrock, h, 1), points)
 }
 
 /// `x_i' = k x_i (1 - x_i) + sum c tanh(x_j)`, where j may be one of two inputs.
@@ -176,8 +172,9 @@ fn kinks_and_ends_are_those_of_dual_numbers() {
                 assert!(same || !b.is_finite(), "{e} at {point:?}: {found:?}, {expected:?}");
             }
             // Second derivatives at the same places.
-            let found = linearize(&mut *erased.model(Integrator::Rosenbrock, 1e-3, 1), point);
-            let expected = linearize(&mut Rodas4::new(plant.clone(), 1e-3, 1), point);
+            let found =
+                linearize(&mut *erased.model(Integrator::Rosenbrock, 1e-3, 1).unwrap(), point);
+            let expected = rosenbrock(&plant, 1e-3, point);
             let pairs = [(&found.next, &expected.next), (&found.a, &expected.a)];
             for (a, b) in pairs.iter().flat_map(|(found, expected)| found.iter().zip(*expected)) {
                 let same = (a - b).abs() <= ROUNDING * (1.0 + b.abs());
@@ -205,9 +202,9 @@ fn pivots_that_vanish() {
     let at = |k: i32| 8.0 - if k % 3 == 0 { 0.0 } else { 10.0_f64.powi(-k) };
     let points: Vec<f64> =
         (0..21).flat_map(|k| [1.0 + 0.01 * f64::from(k), at(k), 0.2, -0.5]).collect();
-    let mut found = plant.clone().into_dyn().model(Integrator::Rosenbrock, 0.5, 1);
+    let mut found = plant.clone().into_dyn().model(Integrator::Rosenbrock, 0.5, 1).unwrap();
     let found = linearize(&mut *found, &points);
-    let expected = linearize(&mut Rodas4::new(plant, 0.5, 1), &points);
+    let expected = rosenbrock(&plant, 0.5, &points);
     let difference = difference(&found, &expected);
     assert!(difference <= 1e-11, "{difference:e}");
 }
@@ -248,7 +245,7 @@ fn outputs_have_the_derivatives_of_dual_numbers() {
     };
     let plant = equations.compile_with(&["k"]).expect("valid equations");
     let (x, u, p) = ([4.0, 0.5], [3.0], [2.0]);
-    let mut model = plant.clone().into_dyn().model(Integrator::Rk4, 0.1, 1);
+    let mut model = plant.clone().into_dyn().model(Integrator::Rk4, 0.1, 1).unwrap();
     let (mut y, mut c, mut d, mut e) = ([9.0; 3], [9.0; 6], [9.0; 3], [9.0; 3]);
     let out = pinc_ode::OutputLinearization { y: &mut y, c: &mut c, d: &mut d, e: &mut e };
     model.linearize_output(Stages { x: &x, u: &u, p: &p }, out);

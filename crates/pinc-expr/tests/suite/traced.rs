@@ -141,7 +141,7 @@ fn recorded_boiling_points_are_the_compiled_ones() {
 /// The derivatives of the Rosenbrock step of a plant agree with central differences of the step.
 fn rosenbrock_is_differentiated(plant: &dyn DynPlant, at: &[f64], sample_time_s: f64) {
     let dims = plant.dims();
-    let mut model = plant.model(Integrator::Rosenbrock, sample_time_s, 2);
+    let mut model = plant.model(Integrator::Rosenbrock, sample_time_s, 2).unwrap();
     let (x, u) = at.split_at(dims.nx);
     let mut found = LinearizationBuffer::new(dims, 1);
     model.linearize(Stages { x, u, p: &[] }, found.as_mut());
@@ -265,6 +265,18 @@ fn an_iteration_of_its_own_is_refused_by_name() {
     let still = PlantEquations::traced(AcetoneStill::default()).listing(&[]).expect("it is listed");
     let exponentials = |i: &&Instruction| matches!(i, Instruction::Function(f, _) if *f == pinc_expr::Function::Exp);
     assert!(still.instructions.iter().filter(exponentials).count() > 9);
+}
+
+/// A method compiled for the equation needs no graph; at x = u^2 the plant rests.
+#[test]
+fn an_integrator_that_needs_the_graph_says_why_there_is_none() {
+    let heron = into_dyn(Heron);
+    let refused = heron.model(Integrator::Rosenbrock, 0.1, 1).err().unwrap().to_string();
+    let parts = ["the integrator `rosenbrock` cannot be made", "rhs", "by `solve_implicit`"];
+    assert!(parts.iter().all(|part| refused.contains(part)), "{refused}");
+    let mut next = [0.0];
+    heron.model(Integrator::Rk4, 0.1, 4).unwrap().step(&[4.0], &[2.0], &[], &mut next);
+    assert!((next[0] - 4.0).abs() < 1e-12, "{next:?}");
 }
 
 /// A select is one of the graph's values, and where it switches is known.

@@ -66,15 +66,15 @@ struct Functions {
     enter_continuous_time: Option<Plain>,
     set_states: Option<Write>,
     derivatives: Option<Read>,
-    own: Own,
+    versioned: Versioned,
 }
 
-enum Own {
-    Two(Two),
-    Three(Three),
+enum Versioned {
+    Fmi2(Fmi2),
+    Fmi3(Fmi3),
 }
 
-struct Two {
+struct Fmi2 {
     instantiate: unsafe extern "C" fn(
         *const c_char,
         c_int,
@@ -110,7 +110,7 @@ type NewCoSimulation = unsafe extern "C" fn(
     *const c_void,
 ) -> Handle;
 
-struct Three {
+struct Fmi3 {
     model_exchange: Option<
         unsafe extern "C" fn(
             *const c_char,
@@ -252,7 +252,7 @@ unsafe fn functions_of_two(library: &Library) -> Result<Functions, String> {
             enter_continuous_time: find(library, "fmi2EnterContinuousTimeMode").ok(),
             set_states: find(library, "fmi2SetContinuousStates").ok(),
             derivatives: find(library, "fmi2GetDerivatives").ok(),
-            own: Own::Two(Two {
+            versioned: Versioned::Fmi2(Fmi2 {
                 instantiate: find(library, "fmi2Instantiate")?,
                 set_up: find(library, "fmi2SetupExperiment")?,
                 enter_initialization: find(library, "fmi2EnterInitializationMode")?,
@@ -279,7 +279,7 @@ unsafe fn functions_of_three(library: &Library) -> Result<Functions, String> {
             enter_continuous_time: find(library, "fmi3EnterContinuousTimeMode").ok(),
             set_states: find(library, "fmi3SetContinuousStates").ok(),
             derivatives: find(library, "fmi3GetContinuousStateDerivatives").ok(),
-            own: Own::Three(Three {
+            versioned: Versioned::Fmi3(Fmi3 {
                 model_exchange: find(library, "fmi3InstantiateModelExchange").ok(),
                 co_simulation: find(library, "fmi3InstantiateCoSimulation").ok(),
                 enter_initialization: find(library, "fmi3EnterInitializationMode")?,
@@ -348,16 +348,16 @@ impl Instance {
         // SAFETY: all that is pointed to lives as long as the instance; the null pointers are those
         // that the standard allows.
         let handle = unsafe {
-            match (&binary.functions.own, kind) {
-                (Own::Two(of), kind) => {
+            match (&binary.functions.versioned, kind) {
+                (Versioned::Fmi2(of), kind) => {
                     let kind = c_int::from(kind == FmuKind::CoSimulation);
                     (of.instantiate)(name, kind, token, resources, &raw const *callbacks, 0, 0)
                 }
-                (Own::Three(of), FmuKind::ModelExchange) => {
+                (Versioned::Fmi3(of), FmuKind::ModelExchange) => {
                     let new = of.model_exchange.ok_or_else(|| missing("model exchange"))?;
                     new(name, token, resources, false, false, none, log_of_three)
                 }
-                (Own::Three(of), FmuKind::CoSimulation) => {
+                (Versioned::Fmi3(of), FmuKind::CoSimulation) => {
                     let new = of.co_simulation.ok_or_else(|| missing("co-simulation"))?;
                     let (log, nothing): (Log, *const c_void) = (log_of_three, ptr::null());
                     new(
@@ -397,12 +397,12 @@ impl Instance {
         unsafe {
             checked("reset", (of.reset)(self.handle))?;
             self.set(references, values)?;
-            match &of.own {
-                Own::Two(own) => {
+            match &of.versioned {
+                Versioned::Fmi2(own) => {
                     checked("set-up", (own.set_up)(self.handle, 0, 0.0, 0.0, 0, 0.0))?;
                     checked("initialization", (own.enter_initialization)(self.handle))?;
                 }
-                Own::Three(own) => {
+                Versioned::Fmi3(own) => {
                     let enter = own.enter_initialization;
                     checked("initialization", enter(self.handle, false, 0.0, 0.0, false, 0.0))?;
                 }
@@ -422,12 +422,14 @@ impl Instance {
         let (vr, count) = (references.as_ptr(), references.len());
         // SAFETY: as above; a variable of version 2 has one element.
         let status = unsafe {
-            match &self.binary.functions.own {
-                Own::Two(of) => {
+            match &self.binary.functions.versioned {
+                Versioned::Fmi2(of) => {
                     assert_eq!(count, values.len(), "one value per variable");
                     (of.set)(self.handle, vr, count, values.as_ptr())
                 }
-                Own::Three(of) => (of.set)(self.handle, vr, count, values.as_ptr(), values.len()),
+                Versioned::Fmi3(of) => {
+                    (of.set)(self.handle, vr, count, values.as_ptr(), values.len())
+                }
             }
         };
         checked("setting of variables", status)
@@ -438,12 +440,12 @@ impl Instance {
         let (vr, count, to) = (references.as_ptr(), references.len(), values.as_mut_ptr());
         // SAFETY: as above.
         let status = unsafe {
-            match &self.binary.functions.own {
-                Own::Two(of) => {
+            match &self.binary.functions.versioned {
+                Versioned::Fmi2(of) => {
                     assert_eq!(count, values.len(), "one value per variable");
                     (of.get)(self.handle, vr, count, to)
                 }
-                Own::Three(of) => (of.get)(self.handle, vr, count, to, values.len()),
+                Versioned::Fmi3(of) => (of.get)(self.handle, vr, count, to, values.len()),
             }
         };
         checked("reading of variables", status)
@@ -455,12 +457,12 @@ impl Instance {
         let (mut event, mut end, mut early, mut last) = (false, false, false, 0.0);
         // SAFETY: as above.
         let status = unsafe {
-            match &self.binary.functions.own {
-                Own::Two(of) => {
+            match &self.binary.functions.versioned {
+                Versioned::Fmi2(of) => {
                     let step = of.do_step.ok_or_else(|| missing(what))?;
                     step(self.handle, 0.0, duration_s, 1)
                 }
-                Own::Three(of) => {
+                Versioned::Fmi3(of) => {
                     let step = of.do_step.ok_or_else(|| missing(what))?;
                     let (event, end) = (&raw mut event, &raw mut end);
                     let (early, last) = (&raw mut early, &raw mut last);
@@ -483,12 +485,12 @@ impl Instance {
             let mut flags = [false; 5];
             // SAFETY: as above.
             let (status, again) = unsafe {
-                match &self.binary.functions.own {
-                    Own::Two(of) => {
+                match &self.binary.functions.versioned {
+                    Versioned::Fmi2(of) => {
                         let update = of.update.ok_or_else(|| missing(what))?;
                         (update(self.handle, &raw mut info), info.again != 0)
                     }
-                    Own::Three(of) => {
+                    Versioned::Fmi3(of) => {
                         let update = of.update.ok_or_else(|| missing(what))?;
                         let [a, b, c, d, e] = &mut flags;
                         let status = update(self.handle, a, b, c, d, e, &raw mut info.next);
@@ -535,14 +537,14 @@ impl Instance {
         let (from, from_count) = (knowns.as_ptr(), knowns.len());
         // SAFETY: as above; a variable of version 2 has one element.
         let status = unsafe {
-            match &self.binary.functions.own {
-                Own::Two(of) => {
+            match &self.binary.functions.versioned {
+                Versioned::Fmi2(of) => {
                     assert_eq!([to_count, from_count], [slope.len(), seed.len()], "one value each");
                     let get = of.directional.ok_or_else(|| missing(what))?;
                     let (seed, slope) = (seed.as_ptr(), slope.as_mut_ptr());
                     get(self.handle, to, to_count, from, from_count, seed, slope)
                 }
-                Own::Three(of) => {
+                Versioned::Fmi3(of) => {
                     let get = of.directional.ok_or_else(|| missing(what))?;
                     let (n, seed) = (seed.len(), seed.as_ptr());
                     let (m, slope) = (slope.len(), slope.as_mut_ptr());

@@ -2,7 +2,8 @@
 
 use crate::support::{noise, oscillator, plant, problem, simulated, steps};
 use pinc_identify::{
-    Finding, FitStatus, Identified, IdentifyError, InitialState, Problem, Recording, Side, identify,
+    Diagnosis, FitStatus, Identified, IdentifyError, InitialState, Problem, Recording, Side,
+    identify,
 };
 use pinc_ode::{DynPlant, Integrator};
 
@@ -23,7 +24,7 @@ const STARTS: [(f64, f64, f64); 4] =
 /// The tank's level under steps of the inflow, with noise.
 fn data(rows: usize) -> (Vec<f64>, Vec<f64>) {
     let u = steps(11, rows, 12, (1.0, 4.0));
-    let x = simulated(&mut *tank().model(Integrator::Rk4, 10.0, 4), &[8.0], &u, &TRUTH);
+    let x = simulated(&mut *tank().model(Integrator::Rk4, 10.0, 4).unwrap(), &[8.0], &u, &TRUTH);
     let y = x.iter().zip(noise(4, 0.05, rows)).map(|(x, noise)| x + noise).collect();
     (u, y)
 }
@@ -38,7 +39,7 @@ fn with(unknown: &[usize]) -> Problem {
 }
 
 fn fit(problem: &Problem, u: &[f64], y: &[f64]) -> Identified {
-    let mut model = tank().model(Integrator::Rk4, 10.0, 4);
+    let mut model = tank().model(Integrator::Rk4, 10.0, 4).unwrap();
     identify(&mut *model, problem, &[Recording { name: "tank", u, y }]).unwrap()
 }
 
@@ -58,7 +59,7 @@ fn good_data_have_no_findings() {
 fn a_parameter_without_influence_is_named_and_stays() {
     let (u, y) = data(150);
     let found = fit(&with(&[0, 1, 3]), &u, &y);
-    assert_eq!(found.findings, [Finding::NoInfluence { name: "idle".to_owned() }]);
+    assert_eq!(found.findings, [Diagnosis::NoInfluence { name: "idle".to_owned() }]);
     assert_eq!(found.parameters[2].half_width, None);
     assert!((found.parameters[2].value - 2.0).abs() < 1e-12);
     assert!(words(&found).contains("idle cannot be identified: nothing measured depends on it"));
@@ -75,7 +76,7 @@ fn a_parameter_without_influence_is_named_and_stays() {
 fn a_pair_that_cannot_be_told_apart_is_named_with_its_direction() {
     let (u, y) = data(150);
     let found = fit(&with(&[0, 1, 2]), &u, &y);
-    let [Finding::Undetermined { direction }] = &found.findings[..] else {
+    let [Diagnosis::Undetermined { direction }] = &found.findings[..] else {
         panic!("{}", words(&found));
     };
     let names: Vec<_> = direction.iter().map(|(name, _)| name.as_str()).collect();
@@ -102,7 +103,8 @@ fn data_of_another_plant_do_not_fit() {
         &[("lag", 60.0)],
         &["lag"],
     )
-    .model(Integrator::Rk4, 10.0, 4);
+    .model(Integrator::Rk4, 10.0, 4)
+    .unwrap();
     let x = simulated(&mut *other, &[8.0, 2.0], &u, &[60.0]);
     let y: Vec<f64> =
         x.chunks(2).map(|x| x[0]).zip(noise(4, 0.05, 200)).map(|(x, e)| x + e).collect();
@@ -134,7 +136,7 @@ fn units_that_are_wrong_by_a_thousand_are_suspected() {
     let mut wide = with(&[0, 1]);
     wide.unknown[1].low = 0.0;
     let found = fit(&wide, &millivolts, &y);
-    assert!(found.findings.iter().any(|f| matches!(f, Finding::Far { name, .. } if name == "k")));
+    assert!(found.findings.iter().any(|f| matches!(f, Diagnosis::Far { name, .. } if name == "k")));
 }
 
 #[test]
@@ -145,7 +147,7 @@ fn a_bound_that_is_hit_is_named_and_has_no_interval() {
     let found = fit(&tight, &u, &y);
     let k = &found.parameters[1];
     assert_eq!((k.value, k.half_width, k.at_bound), (3.1, None, Some(Side::High)));
-    let bound = Finding::AtBound { name: "k".to_owned(), side: Side::High, value: 3.1 };
+    let bound = Diagnosis::AtBound { name: "k".to_owned(), side: Side::High, value: 3.1 };
     assert!(found.findings.contains(&bound), "{}", words(&found));
     assert!(found.parameters[0].half_width.is_some());
     // One unknown less than there are.
@@ -161,7 +163,7 @@ fn a_bound_that_is_hit_is_named_and_has_no_interval() {
 #[test]
 fn a_channel_without_values_is_named() {
     let plant = oscillator();
-    let mut model = plant.model(Integrator::Rk4, 0.1, 2);
+    let mut model = plant.model(Integrator::Rk4, 0.1, 2).unwrap();
     let u = steps(7, 100, 15, (-1.0, 1.0));
     let x = simulated(&mut *model, &[1.0, 0.0], &u, &[0.8, 1.3]);
     let y: Vec<f64> = x.chunks(2).flat_map(|x| [x[0], f64::NAN]).collect();
@@ -169,7 +171,7 @@ fn a_channel_without_values_is_named() {
     let problem = problem(&*plant, &[0, 1], None, &[(0.5, 0.0, 5.0), (1.0, 0.1, 9.0)], free);
     let recording = Recording { name: "oscillator", u: &u, y: &y };
     let found = identify(&mut *model, &problem, &[recording]).unwrap();
-    assert_eq!(found.findings, [Finding::NeverMeasured { name: "x2".to_owned() }]);
+    assert_eq!(found.findings, [Diagnosis::NeverMeasured { name: "x2".to_owned() }]);
     // Without noise the truth comes out to rounding.
     assert!((found.parameters[0].value - 0.8).abs() < 1e-9);
     assert!((found.parameters[1].value - 1.3).abs() < 1e-9);
@@ -179,7 +181,7 @@ fn a_channel_without_values_is_named() {
 fn data_that_cannot_be_used_are_errors() {
     let (u, y) = data(20);
     let problem = with(&[0, 1]);
-    let mut model = tank().model(Integrator::Rk4, 10.0, 4);
+    let mut model = tank().model(Integrator::Rk4, 10.0, 4).unwrap();
     let mut error = |problem: &Problem, u: &[f64], y: &[f64]| {
         identify(&mut *model, problem, &[Recording { name: "tank", u, y }]).unwrap_err()
     };

@@ -83,7 +83,7 @@ fn assert_exact(found: &Identified, y: &[f64]) {
 #[test]
 fn a_row_is_read_under_the_input_that_led_there() {
     let plant = lag();
-    let mut model = plant.model(Integrator::Rk4, 0.5, 2);
+    let mut model = plant.model(Integrator::Rk4, 0.5, 2).unwrap();
     let (v, w) = (steps(3, ROWS, 1, (-2.0, 2.0)), steps(4, ROWS, 2, (-1.0, 1.0)));
     let u: Vec<f64> = v.iter().zip(&w).flat_map(|(v, w)| [*v, *w]).collect();
     for missing in [&[][..], &[0, 64, 65, 127]] {
@@ -100,7 +100,7 @@ fn a_row_is_read_under_the_input_that_led_there() {
 #[test]
 fn outputs_without_the_input_are_read_as_states_are() {
     let plant = lag();
-    let mut model = plant.model(Integrator::Rk4, 0.5, 2);
+    let mut model = plant.model(Integrator::Rk4, 0.5, 2).unwrap();
     let u = steps(3, 2 * ROWS, 1, (-2.0, 2.0));
     let y: Vec<f64> = recorded(&mut *model, &u, &[]).chunks(2).map(|y| y[1] + 0.01).collect();
     let fit = |model: &mut dyn Model, measured, scale: f64| {

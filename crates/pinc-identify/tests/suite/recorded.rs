@@ -51,7 +51,7 @@ fn fit(measured: &[usize], start: &[f64; 8], state: [f64; 4]) -> Identified {
     let free = InitialState::Free(state.to_vec());
     let problem = problem(&*plant, measured, Some(0.05), &unknown, free);
     let y: Vec<f64> = y.chunks(4).flat_map(|row| measured.iter().map(|&i| row[i])).collect();
-    let mut model = plant.model(Integrator::Rk4, 10.0, 4);
+    let mut model = plant.model(Integrator::Rk4, 10.0, 4).unwrap();
     identify(&mut *model, &problem, &[Recording { name: "tanks", u: &u, y: &y }]).unwrap()
 }
 
@@ -127,7 +127,7 @@ fn the_fit_takes_few_evaluations_of_the_model() {
 fn half_widths_are_those_of_the_formula() {
     let found = fit(&[0, 1, 2, 3], &NEAR, STATE);
     let (u, y) = data();
-    let mut model = tanks().model(Integrator::Rk4, 10.0, 4);
+    let mut model = tanks().model(Integrator::Rk4, 10.0, 4).unwrap();
     let at: Vec<f64> = found.estimates().map(|estimate| estimate.value).collect();
     let mut residuals = |at: &[f64]| -> Vec<f64> {
         let x = crate::support::simulated(&mut *model, &at[8..], &u, &at[..8]);
@@ -191,7 +191,7 @@ fn missing_values_are_left_out() {
         problem(&*plant, &[0, 1, 2, 3], Some(0.05), &unknown, InitialState::Free(STATE.to_vec()));
     let gappy: Vec<f64> =
         y.iter().enumerate().map(|(i, y)| if i % 3 == 0 { f64::NAN } else { *y }).collect();
-    let mut model = plant.model(Integrator::Rk4, 10.0, 4);
+    let mut model = plant.model(Integrator::Rk4, 10.0, 4).unwrap();
     let recording = Recording { name: "gappy", u: &u, y: &gappy };
     let found = identify(&mut *model, &problem, &[recording]).unwrap();
     assert_eq!(found.measurements, 536);
@@ -224,7 +224,7 @@ fn several_recordings_share_their_parameters() {
         u: &u[2 * rows.start..2 * rows.end],
         y: &y[4 * rows.start..4 * rows.end],
     };
-    let mut model = plant.model(Integrator::Rk4, 10.0, 4);
+    let mut model = plant.model(Integrator::Rk4, 10.0, 4).unwrap();
     let parts = [part("first", 0..90), part("second", 90..201)];
     let found = identify(&mut *model, &problem, &parts).unwrap();
     assert_eq!(found.status, FitStatus::Converged);
@@ -263,7 +263,7 @@ fn outputs_are_measured_as_states_are() {
         ..Equations::default()
     };
     let plant = plant.compile_with(&["c", "k"]).unwrap().into_dyn();
-    let mut model = plant.model(Integrator::Rk4, 0.1, 2);
+    let mut model = plant.model(Integrator::Rk4, 0.1, 2).unwrap();
     let u = crate::support::steps(3, 100, 10, (0.0, 2.0));
     let x = crate::support::simulated(&mut *model, &[3.0, 1.0], &u, &[1.5, 0.16]);
     let y: Vec<f64> = x.chunks(2).map(|x| 1.5 * (x[0] + x[1])).collect();
@@ -299,7 +299,7 @@ fn a_state_and_an_output_are_weighted_by_their_noise() {
         ..Equations::default()
     };
     let plant = plant.compile().unwrap().into_dyn();
-    let mut model = plant.model(Integrator::Rk4, 1.0, 1);
+    let mut model = plant.model(Integrator::Rk4, 1.0, 1).unwrap();
     let mut problem = problem(&*plant, &[0, 0], None, &[], InitialState::Free(vec![0.3]));
     problem.channels[1].measured = Measured::Output(0);
     let (u, y) = ([0.0; 5], [0.0, 1.0].repeat(5));

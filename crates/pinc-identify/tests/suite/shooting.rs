@@ -15,7 +15,7 @@ fn a_chaotic_system_needs_multiple_shooting() {
         &values,
         &names,
     );
-    let mut model = lorenz.model(Integrator::Rk4, 0.05, 5);
+    let mut model = lorenz.model(Integrator::Rk4, 0.05, 5).unwrap();
     let u = vec![0.0; 300];
     let truth = [8.0 / 3.0, 28.0, 10.0];
     let x = simulated(&mut *model, &[-8.0, 7.0, 27.0], &u, &truth);
@@ -45,7 +45,7 @@ fn a_chaotic_system_needs_multiple_shooting() {
 #[test]
 fn a_model_that_explodes_at_the_start_is_cut_into_segments() {
     let growth = plant(&[("x", "r*x^2 - x + u")], &["u"], &[("r", 0.1)], &["r"]);
-    let mut model = growth.model(Integrator::Rk4, 0.2, 2);
+    let mut model = growth.model(Integrator::Rk4, 0.2, 2).unwrap();
     let u = steps(5, 100, 10, (0.0, 1.0));
     let x = simulated(&mut *model, &[1.0], &u, &[0.1]);
     assert!(x.iter().all(|x| x.is_finite()));
@@ -65,7 +65,7 @@ fn a_model_that_explodes_at_the_start_is_cut_into_segments() {
 #[test]
 fn both_ways_have_the_same_answer() {
     let plant = oscillator();
-    let mut model = plant.model(Integrator::Rk4, 0.1, 2);
+    let mut model = plant.model(Integrator::Rk4, 0.1, 2).unwrap();
     let u = steps(7, 300, 15, (-1.0, 1.0));
     let x = simulated(&mut *model, &[1.0, 0.0], &u, &[0.8, 1.3]);
     let y: Vec<f64> =
@@ -96,7 +96,7 @@ fn both_ways_have_the_same_answer() {
 #[test]
 fn the_same_data_give_the_same_bits() {
     let plant = oscillator();
-    let mut model = plant.model(Integrator::Rk4, 0.1, 2);
+    let mut model = plant.model(Integrator::Rk4, 0.1, 2).unwrap();
     let u = steps(7, 100, 15, (-1.0, 1.0));
     let y = simulated(&mut *model, &[1.0, 0.0], &u, &[0.8, 1.3]);
     let start = [(0.5, 0.0, 5.0), (1.0, 0.1, 20.0)];

@@ -2,7 +2,7 @@
 
 use crate::support::{noise, oscillator, plant, problem, simulated, steps};
 use pinc_identify::{
-    Finding, FitStatus, Identified, IdentifyError, InitialState, Problem, Recording, identify,
+    Diagnosis, FitStatus, Identified, IdentifyError, InitialState, Problem, Recording, identify,
     identify_from_starts,
 };
 use pinc_ode::{DynPlant, Integrator, Model};
@@ -35,14 +35,14 @@ fn from_level(plant: &dyn DynPlant, level: f64) -> Problem {
 /// Inputs that fill the upper tank to 9 if nothing runs over, with what is measured then.
 fn data(plant: &dyn DynPlant) -> (Vec<f64>, Vec<f64>) {
     let u = steps(11, 160, 20, (0.4, 1.6));
-    let x = simulated(&mut *plant.model(Integrator::Rk4, 0.5, 2), &[2.0, 2.0], &u, &TRUTH);
+    let x = simulated(&mut *plant.model(Integrator::Rk4, 0.5, 2).unwrap(), &[2.0, 2.0], &u, &TRUTH);
     assert!(x.chunks(2).any(|x| x[0] > 6.3) && x.chunks(2).all(|x| x[0] < 19.0));
     let y = x.chunks(2).map(|x| x[1]).zip(noise(4, 0.002, 160)).map(|(x, e)| x + e).collect();
     (u, y)
 }
 
 fn copies(plant: &dyn DynPlant, count: usize) -> Vec<Box<dyn Model>> {
-    (0..count).map(|_| plant.model(Integrator::Rk4, 0.5, 2)).collect()
+    (0..count).map(|_| plant.model(Integrator::Rk4, 0.5, 2).unwrap()).collect()
 }
 
 fn fit(plant: &dyn DynPlant, level: f64, starts: usize, threads: usize) -> Identified {
@@ -62,7 +62,7 @@ fn an_overflow_that_one_start_never_reaches_is_found_from_many() {
     assert_eq!(single.parameters[1].value.to_bits(), 20.0_f64.to_bits());
     // Both act as soon as the level is within reach; that the data cannot tell them is not said.
     let inactive = single.findings.iter().filter_map(|finding| match finding {
-        Finding::Inactive { name, acts_at } => Some((name.as_str(), acts_at.clone())),
+        Diagnosis::Inactive { name, acts_at } => Some((name.as_str(), acts_at.clone())),
         _ => None,
     });
     let inactive: Vec<_> = inactive.collect();
@@ -73,8 +73,8 @@ fn an_overflow_that_one_start_never_reaches_is_found_from_many() {
         assert!((0.1..=3.0).contains(&acts_at[1].1), "{acts_at:?}");
     }
     // 20 is its bound, but the data do not ask for more.
-    let silent = |finding: &Finding| {
-        matches!(finding, Finding::NoInfluence { .. } | Finding::AtBound { .. })
+    let silent = |finding: &Diagnosis| {
+        matches!(finding, Diagnosis::NoInfluence { .. } | Diagnosis::AtBound { .. })
     };
     assert!(!single.findings.iter().any(silent), "{:?}", single.findings);
     let said = single.findings.iter().map(ToString::to_string).collect::<Vec<_>>().join("\n");
@@ -90,7 +90,7 @@ fn an_overflow_that_one_start_never_reaches_is_found_from_many() {
     }
     // It is the minimum that the fit from the truth has.
     let near = identify(
-        &mut *plant.model(Integrator::Rk4, 0.5, 2),
+        &mut *plant.model(Integrator::Rk4, 0.5, 2).unwrap(),
         &from_level(&*plant, 6.0),
         &[recording],
     )
@@ -122,7 +122,8 @@ fn the_own_start_has_the_same_bits_alone_and_among_others() {
     let recording = Recording { name: "cascade", u: &u, y: &y };
     let problem = from_level(&*plant, 7.0);
     let alone =
-        identify(&mut *plant.model(Integrator::Rk4, 0.5, 2), &problem, &[recording]).unwrap();
+        identify(&mut *plant.model(Integrator::Rk4, 0.5, 2).unwrap(), &problem, &[recording])
+            .unwrap();
     assert_eq!(alone.starts.len(), 1);
     assert_eq!(alone.agreeing_starts(), (1, 1));
     let bits = |of: &Identified| -> Vec<u64> {
@@ -140,12 +141,17 @@ fn the_own_start_has_the_same_bits_alone_and_among_others() {
 fn the_result_does_not_depend_on_threads_but_on_the_seed() {
     let plant = oscillator();
     let u = steps(7, 60, 15, (-1.0, 1.0));
-    let y = simulated(&mut *plant.model(Integrator::Rk4, 0.1, 2), &[1.0, 0.0], &u, &[0.8, 1.3]);
+    let y = simulated(
+        &mut *plant.model(Integrator::Rk4, 0.1, 2).unwrap(),
+        &[1.0, 0.0],
+        &u,
+        &[0.8, 1.3],
+    );
     let start = [(0.5, 0.0, 5.0), (1.0, 0.1, 20.0)];
     let free = InitialState::Free(vec![1.0, 0.0]);
     let problem = problem(&*plant, &[0, 1], None, &start, free);
     let starts = |seed: u64, threads: usize| {
-        let models = (0..6).map(|_| plant.model(Integrator::Rk4, 0.1, 2)).collect();
+        let models = (0..6).map(|_| plant.model(Integrator::Rk4, 0.1, 2).unwrap()).collect();
         let recording = Recording { name: "oscillator", u: &u, y: &y };
         identify_from_starts(models, &problem, &[recording], seed, threads).unwrap().starts
     };
@@ -160,7 +166,7 @@ fn several_starts_need_bounds() {
     let problem = problem(&*plant, &[0, 1], None, &start, InitialState::Fixed(vec![1.0, 0.0]));
     let recording = Recording { name: "none", u: &[0.0; 5], y: &[1.0; 10] };
     let starts = |count: usize| {
-        let models = (0..count).map(|_| plant.model(Integrator::Rk4, 0.1, 2)).collect();
+        let models = (0..count).map(|_| plant.model(Integrator::Rk4, 0.1, 2).unwrap()).collect();
         identify_from_starts(models, &problem, &[recording], 1, 1)
     };
     let refused = IdentifyError::NoBounds { name: "k".to_owned(), starts: 3 };
@@ -174,11 +180,12 @@ fn a_parameter_that_acts_nowhere_is_told_from_one_that_is_inactive() {
     let states = [("x", "r*(u - x) + 0*s")];
     let plant = plant(&states, &["u"], &[("r", 1.0), ("s", 1.0)], &["r", "s"]);
     let u = steps(3, 60, 10, (0.0, 1.0));
-    let y = simulated(&mut *plant.model(Integrator::Rk4, 0.2, 2), &[0.0], &u, &[0.7, 1.0]);
+    let y = simulated(&mut *plant.model(Integrator::Rk4, 0.2, 2).unwrap(), &[0.0], &u, &[0.7, 1.0]);
     let start = [(1.0, 0.1, 3.0), (1.0, 0.0, 2.0)];
     let problem = problem(&*plant, &[0], None, &start, InitialState::Fixed(vec![0.0]));
     let recording = Recording { name: "lag", u: &u, y: &y };
     let found =
-        identify(&mut *plant.model(Integrator::Rk4, 0.2, 2), &problem, &[recording]).unwrap();
-    assert_eq!(found.findings, [Finding::NoInfluence { name: "s".to_owned() }]);
+        identify(&mut *plant.model(Integrator::Rk4, 0.2, 2).unwrap(), &problem, &[recording])
+            .unwrap();
+    assert_eq!(found.findings, [Diagnosis::NoInfluence { name: "s".to_owned() }]);
 }

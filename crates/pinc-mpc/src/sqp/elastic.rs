@@ -1,6 +1,6 @@
 //! The elastic mode: hard constraints on states made soft where they contradict each other.
 
-use super::{Outcome, Sqp, Standing};
+use super::{Outcome, PlanState, Sqp};
 use crate::SqpStatus;
 use crate::kkt::KktResidual;
 use crate::merit::limits_after;
@@ -61,9 +61,11 @@ impl Sqp {
     ) -> Outcome {
         if self.elastic {
             self.restore(self.exact.map(|exact| !exact));
-            outcome.last = match outcome.standing {
-                Standing::Judged => self.residual(plan),
-                _ => KktResidual::new(&self.qp, &self.base, &mut self.work),
+            outcome.last = match outcome.plan_state {
+                PlanState::Evaluated => self.residual(plan),
+                PlanState::Stepped | PlanState::Partial => {
+                    KktResidual::new(&self.qp, &self.base, &mut self.work)
+                }
             };
             if outcome.last.bounds > self.config.tolerance {
                 let limits = self.qp.limits().into_iter().flat_map(|(kind, limits)| {

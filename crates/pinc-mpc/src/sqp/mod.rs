@@ -77,18 +77,31 @@ pub(crate) struct Outcome {
     /// What is in the way, if hard constraints had to be made soft and are violated.
     pub(crate) violated: Option<Constraint>,
     /// What is known of the plan.
-    pub(crate) standing: Standing,
+    pub(crate) plan_state: PlanState,
+}
+
+impl Outcome {
+    /// The time was up before the first linearization was complete.
+    fn expired_at_once() -> Self {
+        Self {
+            status: SqpStatus::Deadline,
+            iterations: 0,
+            last: KktResidual::unknown(),
+            violated: None,
+            plan_state: PlanState::Evaluated,
+        }
+    }
 }
 
 /// What is known of the plan that an optimization ends with.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Standing {
+pub(crate) enum PlanState {
     /// The residual is the plan's own.
-    Judged,
+    Evaluated,
     /// The time was up when a QP had been solved: the plan is its solution, not linearized at.
     Stepped,
     /// The time was up within a QP: the plan is on the way to its solution.
-    Underway,
+    Partial,
 }
 
 /// A point with its residual and cost.
@@ -105,8 +118,8 @@ enum Search {
     NoDescent,
     /// The time is up; the plan is where the step starts.
     Expired,
-    /// The time was up before the end of the step could be judged; the plan is there.
-    Unjudged,
+    /// The time was up before the end of the step was evaluated; the plan is there.
+    Unevaluated,
 }
 
 /// What a control step is given.
@@ -232,7 +245,7 @@ impl Sqp {
         }
         self.convert(plan, true);
         let violated = conflict.map(|row| self.transcription.name(row));
-        Outcome { status, iterations: 1, last, violated, standing: Standing::Judged }
+        Outcome { status, iterations: 1, last, violated, plan_state: PlanState::Evaluated }
     }
 
     /// Solves the QP, with hard constraints made soft if it must be.
@@ -274,6 +287,16 @@ impl Sqp {
         outcome
     }
 
+    /// The iteration on the unknowns z and multipliers lambda of the plan:
+    ///
+    /// ```text
+    /// until |KKT(z, lambda)| <= tolerance:
+    ///     d, lambda+ = the solution of the QP linearized at z
+    ///     alpha = the length of the step, by the residual or the merit function
+    ///     z, lambda = z + alpha d, lambda + alpha (lambda+ - lambda)
+    /// ```
+    ///
+    /// A QP without a solution, or a step without descent, makes hard constraints soft, once.
     fn optimize(
         &mut self,
         model: &mut Horizon,
@@ -284,17 +307,11 @@ impl Sqp {
         self.merit.reset();
         self.step_length.reset();
         let Some(mut point) = self.try_point(model, input, plan, expired) else {
-            return Outcome {
-                status: SqpStatus::Deadline,
-                iterations: 0,
-                last: KktResidual::unknown(),
-                violated: None,
-                standing: Standing::Judged,
-            };
+            return Outcome::expired_at_once();
         };
         std::mem::swap(&mut self.qp, &mut self.trial);
         let (mut iterations, mut least) = (0, point.kkt.max());
-        let (mut conflict, mut standing) = (None, Standing::Judged);
+        let (mut conflict, mut plan_state) = (None, PlanState::Evaluated);
         let status = loop {
             if let Some(status) = self.check_termination(point.kkt, iterations) {
                 break status;
@@ -302,13 +319,15 @@ impl Sqp {
             if expired() {
                 break SqpStatus::Deadline;
             }
+
+            // d, lambda+
             iterations += 1;
             self.step.multipliers.copy_from(&plan.multipliers);
             match self.solver.solve(&self.qp, &mut self.step, expired) {
                 QpStatus::Solved => {}
                 QpStatus::Expired => {
                     self.step_on_the_way(plan, input.targets.previous);
-                    standing = Standing::Underway;
+                    plan_state = PlanState::Partial;
                     break SqpStatus::Deadline;
                 }
                 QpStatus::Infeasible(row) => {
@@ -321,11 +340,13 @@ impl Sqp {
                 }
                 QpStatus::Failed => break SqpStatus::NumericalTrouble,
             }
+
+            // alpha, z, lambda
             match self.search(model, input, plan, (point, least), expired) {
                 Search::Found(next) => point = next,
                 Search::Expired => break SqpStatus::Deadline,
-                Search::Unjudged => {
-                    standing = Standing::Stepped;
+                Search::Unevaluated => {
+                    plan_state = PlanState::Stepped;
                     break SqpStatus::Deadline;
                 }
                 Search::NoDescent if self.elastic => break SqpStatus::Stalled,
@@ -336,7 +357,7 @@ impl Sqp {
             }
             least = least.min(point.kkt.max());
         };
-        let outcome = Outcome { status, iterations, last: point.kkt, violated: None, standing };
+        let outcome = Outcome { status, iterations, last: point.kkt, violated: None, plan_state };
         self.finalize(outcome, plan, conflict)
     }
 
@@ -354,7 +375,7 @@ impl Sqp {
         let good = |point: &Point| point.kkt.max() <= CONTRACTION * least;
         if let Some(length) = self.step_length.length(&self.step.d) {
             let Some(point) = self.evaluate_trial(model, input, plan, length, expired) else {
-                return Search::Unjudged;
+                return Search::Unevaluated;
             };
             if good(&point) {
                 self.accept_trial(length);
@@ -365,7 +386,7 @@ impl Sqp {
             }
         }
         let Some(whole) = self.evaluate_trial(model, input, plan, 1.0, expired) else {
-            return Search::Unjudged;
+            return Search::Unevaluated;
         };
         if good(&whole) {
             self.accept_trial(1.0);

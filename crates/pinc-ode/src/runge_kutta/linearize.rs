@@ -3,13 +3,11 @@
 use super::SMALL;
 use super::method::{Method, StackWorkspace};
 use crate::points::Points;
+use crate::sparse::WIDEST;
 use crate::{Dims, Plant};
 use pinc_ad::simd::{Simd, Task};
 use pinc_ad::{Directions, Dual, Lanes};
 use std::marker::PhantomData;
-
-/// Lanes of the widest vector.
-pub(super) const WIDEST: usize = 8;
 
 /// `C` points of a small plant through the method `M`, side by side.
 pub(super) struct Linearize<'a, P, M, const C: usize> {

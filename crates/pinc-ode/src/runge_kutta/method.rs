@@ -45,30 +45,6 @@ impl<S: Scalar> StackWorkspace<S> {
     }
 }
 
-/// The numbers of any plant's workspace, on the heap.
-#[derive(Clone, Debug)]
-pub(super) struct HeapWorkspace<S> {
-    x: Vec<S>,
-    u: Vec<S>,
-    p: Vec<S>,
-    stage: Vec<S>,
-    k: [Vec<S>; MOST_STAGES],
-}
-
-impl<S: Scalar> HeapWorkspace<S> {
-    pub(super) fn new(dims: Dims, zero: S) -> Self {
-        let x = vec![zero; dims.nx];
-        let k = std::array::from_fn(|_| x.clone());
-        let (u, p) = (vec![zero; dims.nu], vec![zero; dims.np]);
-        Self { u, p, stage: x.clone(), x, k }
-    }
-
-    pub(super) fn workspace(&mut self) -> Workspace<'_, S> {
-        let k = self.k.each_mut().map(|k| &mut k[..]);
-        Workspace { x: &mut self.x, u: &mut self.u, p: &mut self.p, stage: &mut self.stage, k }
-    }
-}
-
 /// State, input, parameters, stage and slopes of a method on one kind of number.
 #[derive(Debug)]
 pub struct Workspace<'a, S> {

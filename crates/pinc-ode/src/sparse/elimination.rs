@@ -3,7 +3,7 @@
 
 use super::SparsityPattern;
 use super::lanes::WIDEST;
-use crate::rodas4::lu;
+use super::lu;
 use pinc_ad::simd::Simd;
 use std::collections::BTreeSet;
 

@@ -5,7 +5,7 @@ use crate::{Dims, Stages};
 use pinc_ad::simd::Simd;
 
 /// Lanes of the widest vector.
-pub(super) const WIDEST: usize = 8;
+pub(crate) const WIDEST: usize = 8;
 
 /// Writes the variables of points from the one numbered `begin` on to the first places of `memory`;
 /// lanes without a point repeat the last. Gives the number of points.
@@ -32,7 +32,7 @@ pub(super) fn load<V: Simd>(
 
 /// Gives each of the first `filled` lanes to `to`.
 #[inline(always)]
-pub(super) fn scatter<V: Simd>(vector: V, filled: usize, mut to: impl FnMut(usize, f64)) {
+pub(crate) fn scatter<V: Simd>(vector: V, filled: usize, mut to: impl FnMut(usize, f64)) {
     let mut lanes = [0.0; WIDEST];
     vector.write(&mut lanes);
     lanes.iter().enumerate().take(filled).for_each(|(lane, &value)| to(lane, value));

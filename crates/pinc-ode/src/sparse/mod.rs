@@ -4,6 +4,8 @@
 mod by_count;
 mod elimination;
 mod lanes;
+mod lu;
+mod model;
 mod outputs;
 mod pattern;
 mod propagation;
@@ -13,8 +15,9 @@ mod small;
 mod tableau;
 mod tangents;
 
+pub(crate) use lanes::{WIDEST, scatter};
 pub use pattern::SparsityPattern;
-pub use rosenbrock::sparse_rodas4;
+pub use rosenbrock::sparse_rosenbrock;
 pub use runge_kutta::{SparsePlant, sparse_runge_kutta};
 pub use tableau::Tableau;
 

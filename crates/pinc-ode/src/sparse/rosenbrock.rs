@@ -1,22 +1,77 @@
-//! The method RODAS with exact sensitivities through sparse Jacobians and their derivatives, as a
+//! The Rosenbrock method RODAS with exact sensitivities through sparse Jacobians and their derivatives, as a
 //! model.
 
 use super::by_count::by_count;
 use super::elimination::Elimination;
-use super::lanes::{gather, load, scatter, store};
-use super::outputs::Outputs;
+use super::lanes::gather;
+use super::model::{SparseModel, Stepper, checked_substep};
 use super::tangents::{Substep, Tangents};
 use super::{CurvedFunction, SparseFunction, SparsePlant};
-use crate::points::Points;
-use crate::rodas4::{A, C, GAMMA};
-use crate::{Dims, Linearization, Model, OutputLinearization, Stages};
-use pinc_ad::simd::{Isa, Simd, Task, Work};
+use crate::Model;
+use pinc_ad::simd::{Isa, Simd, Task};
 
 /// Stages of the method.
 pub(super) const STAGES: usize = 6;
 
-/// The method of [`Rodas4`](crate::Rodas4) over steps of `sample_time_s` seconds, each in
-/// `substeps` parts, as a [`Model`].
+pub(super) const GAMMA: f64 = 0.25;
+
+/// `a_ij` of stages 2 to 6. The last stage starts from the solution of an embedded method of order
+/// 3.
+pub(super) const A: [[f64; 5]; 5] = [
+    [1.544, 0.0, 0.0, 0.0, 0.0],
+    [0.946_678_528_081_582_6, 0.255_701_169_898_328_4, 0.0, 0.0, 0.0],
+    [3.314_825_187_068_521, 2.896_124_015_972_201, 0.998_641_913_997_781_7, 0.0, 0.0],
+    [
+        1.221_224_509_226_641,
+        6.019_134_481_288_629,
+        12.537_083_329_320_87,
+        -0.687_886_036_105_895,
+        0.0,
+    ],
+    [
+        1.221_224_509_226_641,
+        6.019_134_481_288_629,
+        12.537_083_329_320_87,
+        -0.687_886_036_105_895,
+        1.0,
+    ],
+];
+
+/// `c_ij` of stages 2 to 6.
+pub(super) const C: [[f64; 5]; 5] = [
+    [-5.6688, 0.0, 0.0, 0.0, 0.0],
+    [-2.430_093_356_833_875, -0.206_359_915_709_191_5, 0.0, 0.0, 0.0],
+    [-0.107_352_905_815_137_5, -9.594_562_251_023_355, -20.470_286_148_096_16, 0.0, 0.0],
+    [
+        7.496_443_313_967_647,
+        -10.246_804_314_643_52,
+        -33.999_903_528_199_05,
+        11.708_908_932_061_6,
+        0.0,
+    ],
+    [
+        8.083_246_795_921_522,
+        -7.981_132_988_064_893,
+        -31.521_594_328_743_71,
+        16.319_305_431_231_36,
+        -6.058_818_238_834_054,
+    ],
+];
+
+/// The Rosenbrock method RODAS over steps of `sample_time_s` seconds, each in `substeps` parts of
+/// h = T / substeps, as a [`Model`]:
+///
+/// ```text
+/// (I / (h gamma) - J) k_i = f(y_i, u, p) + sum_(j<i) c_ij k_j / h,    i = 1 .. 6
+/// y_i = x + sum_(j<i) a_ij k_j,    J = df/dx(x, u, p),    gamma = 1/4
+/// x+ = y_6 + k_6
+/// ```
+///
+/// Each substep solves six linear systems with one matrix, where an implicit method would iterate
+/// on a nonlinear one. It is L-stable: fast modes die out however long the step is, where an
+/// explicit method needs h |lambda| < 3. Global error O(h^4), or less where a mode is much faster
+/// than h. Reference: Hairer and Wanner, *Solving Ordinary Differential Equations II*, section IV.7
+/// and table IV.7.2 (the form without products of J) and the code RODAS there.
 ///
 /// The points of a horizon are in the lanes of the vectors of `isa`. The sensitivities are those of
 /// the method itself, exact to rounding: its equations, differentiated, are linear systems with the
@@ -27,21 +82,20 @@ pub(super) const STAGES: usize = 6;
 /// If `sample_time_s` is not positive and finite or `substeps` is 0, if the functions are not of
 /// the size of the plant, or if the machine does not have the instruction set.
 #[must_use]
-pub fn sparse_rodas4<F: CurvedFunction, H: SparseFunction>(
+pub fn sparse_rosenbrock<F: CurvedFunction, H: SparseFunction>(
     plant: SparsePlant<F, H>,
     sample_time_s: f64,
     substeps: usize,
     isa: Isa,
 ) -> Box<dyn Model> {
-    assert!(sample_time_s > 0.0 && sample_time_s.is_finite(), "the step must be positive");
-    assert!(substeps > 0, "at least one substep");
-    plant.check();
-    by_count(Build { plant, sample_time_s, substeps }, isa)
+    let h = checked_substep(&plant, sample_time_s, substeps);
+    by_count(Build { plant, h, sample_time_s, substeps }, isa)
 }
 
 #[derive(Clone)]
 struct Build<F, H> {
     plant: SparsePlant<F, H>,
+    h: f64,
     sample_time_s: f64,
     substeps: usize,
 }
@@ -50,13 +104,10 @@ impl<F: CurvedFunction, H: SparseFunction> Task for Build<F, H> {
     type Output = Box<dyn Model>;
 
     fn run<V: Simd>(self, zero: V) -> Box<dyn Model> {
-        let Self { plant: SparsePlant { dims, rhs, outputs }, sample_time_s, substeps } = self;
-        #[expect(clippy::cast_precision_loss, reason = "a number of substeps is far below 2^53")]
-        let h = sample_time_s / substeps as f64;
+        let Self { plant: SparsePlant { dims, rhs, outputs }, h, sample_time_s, substeps } = self;
         let pattern = rhs.pattern();
-        Box::new(SparseRodas4 {
-            dims,
-            sample_time_s,
+        let stepper = Rosenbrock {
+            nx: dims.nx,
             substeps,
             h,
             zero,
@@ -66,18 +117,17 @@ impl<F: CurvedFunction, H: SparseFunction> Task for Build<F, H> {
             k: vec![[zero]; STAGES * dims.nx],
             entries: vec![zero; STAGES * pattern.entries()],
             tangents: Tangents::new(&rhs, zero),
-            outputs: Outputs::new(dims, outputs, zero),
             rhs,
-        })
+        };
+        Box::new(SparseModel::new((dims, outputs), sample_time_s, stepper, zero))
     }
 }
 
-/// The model, on one kind of vectors.
-#[derive(Clone, Debug)]
-struct SparseRodas4<F, H, V> {
-    dims: Dims,
+/// The method, on one kind of vectors.
+#[derive(Debug)]
+struct Rosenbrock<F, V> {
+    nx: usize,
     rhs: F,
-    sample_time_s: f64,
     substeps: usize,
     h: f64,
     zero: V,
@@ -91,16 +141,15 @@ struct SparseRodas4<F, H, V> {
     /// The entries of the Jacobian at each stage.
     entries: Vec<V>,
     tangents: Tangents<V>,
-    outputs: Outputs<H, V>,
 }
 
-impl<F: CurvedFunction, H: SparseFunction, V: Simd> SparseRodas4<F, H, V> {
+impl<F: CurvedFunction, V: Simd> Rosenbrock<F, V> {
     /// A substep of the state; with all that is needed of the derivatives of f, if they are asked
     /// for.
     #[inline(always)]
     fn substep(&mut self, linearized: bool) {
-        let Self { dims, rhs, h, zero, memory, elimination, x, k, entries, tangents, .. } = self;
-        let (nx, count) = (dims.nx, rhs.pattern().entries());
+        let Self { nx, rhs, h, zero, memory, elimination, x, k, entries, tangents, .. } = self;
+        let (nx, count) = (*nx, rhs.pattern().entries());
         x.copy_from_slice(&memory[..nx]);
         let (values, derivatives) =
             if linearized { rhs.curve(memory) } else { rhs.linearize(memory) }.split_at(nx);
@@ -148,87 +197,37 @@ fn combined<V: Simd>(from: V, factors: &[f64; 5], k: &[[V; 1]], nx: usize, i: us
     sum
 }
 
-/// A step of one point.
-struct Step<'a, F, H, V> {
-    model: &'a mut SparseRodas4<F, H, V>,
-    at: Stages<'a>,
-    next: &'a mut [f64],
-}
-
-impl<F: CurvedFunction, H: SparseFunction, V: Simd> Work for Step<'_, F, H, V> {
-    type Output = ();
+impl<F: CurvedFunction, V: Simd> Stepper<V> for Rosenbrock<F, V> {
+    #[inline(always)]
+    fn memory(&self) -> &[V] {
+        &self.memory
+    }
 
     #[inline(always)]
-    fn run(self) {
-        let Self { model, at, next } = self;
-        load(&mut model.memory, model.dims, at, 0, model.zero);
-        for _ in 0..model.substeps {
-            model.substep(false);
-        }
-        for (to, &x) in next.iter_mut().zip(&model.memory) {
-            scatter(x, 1, |_, value| *to = value);
-        }
+    fn memory_mut(&mut self) -> &mut [V] {
+        &mut self.memory
     }
-}
-
-/// Steps of some points with their Jacobians.
-struct Linearize<'a, F, H, V> {
-    model: &'a mut SparseRodas4<F, H, V>,
-    points: Points<'a>,
-}
-
-impl<F: CurvedFunction, H: SparseFunction, V: Simd> Work for Linearize<'_, F, H, V> {
-    type Output = ();
 
     #[inline(always)]
-    fn run(self) {
-        let Self { model, mut points } = self;
-        let dims = model.dims;
-        let columns = points.columns(dims);
-        for begin in (0..points.at.x.len() / dims.nx).step_by(V::LANES) {
-            let filled = load(&mut model.memory, dims, points.at, begin, model.zero);
-            model.tangents.reset(model.zero);
-            for _ in 0..model.substeps {
-                model.substep(true);
-                let SparseRodas4 { rhs, h, zero, elimination, k, entries, tangents, .. } = model;
-                let (pattern, h, zero) = (rhs.pattern(), *h, *zero);
-                tangents.propagate(columns, Substep { pattern, entries, k, elimination, h, zero });
-            }
-            let (x, place) = (&model.memory[..dims.nx], (begin, filled, columns));
-            store(&mut points, dims, x, place, |i, column| model.tangents.get(i, column));
+    fn step(&mut self) {
+        for _ in 0..self.substeps {
+            self.substep(false);
         }
     }
-}
 
-impl<F: CurvedFunction, H: SparseFunction, V: Simd> Model for SparseRodas4<F, H, V> {
-    fn dims(&self) -> Dims {
-        self.dims
+    #[inline(always)]
+    fn linearize(&mut self, columns: usize) {
+        self.tangents.reset(self.zero);
+        for _ in 0..self.substeps {
+            self.substep(true);
+            let Self { rhs, h, zero, elimination, k, entries, tangents, .. } = self;
+            let (pattern, h, zero) = (rhs.pattern(), *h, *zero);
+            tangents.propagate(columns, Substep { pattern, entries, k, elimination, h, zero });
+        }
     }
 
-    fn sample_time_s(&self) -> f64 {
-        self.sample_time_s
-    }
-
-    fn step(&mut self, x: &[f64], u: &[f64], p: &[f64], next: &mut [f64]) {
-        let at = Stages { x, u, p };
-        assert!(at.count(self.dims) == 1 && next.len() == x.len(), "one point");
-        self.zero.vectorize(Step { model: self, at, next });
-    }
-
-    fn linearize(&mut self, at: Stages<'_>, out: Linearization<'_>) {
-        out.check(at.count(self.dims), self.dims);
-        self.zero.vectorize(Linearize { model: self, points: Points { at, out } });
-    }
-
-    fn output(&mut self, x: &[f64], u: &[f64], p: &[f64], y: &mut [f64]) {
-        self.outputs.values(Stages { x, u, p }, y);
-    }
-
-    fn feedthrough(&self) -> Vec<bool> {
-        self.outputs.feedthrough()
-    }
-
-    fn linearize_output(&mut self, at: Stages<'_>, out: OutputLinearization<'_>) {
-        self.outputs.linearize(at, out);
+    #[inline(always)]
+    fn derivative(&self, state: usize, variable: usize) -> V {
+        self.tangents.get(state, variable)
     }
 }

@@ -1,4 +1,4 @@
-//! The sensitivities of the method RODAS, some columns, a *block*, at a time.
+//! The sensitivities of the Rosenbrock method, some columns, a *block*, at a time.
 //!
 //! With S the derivatives of the state at the beginning of a substep, and W = I / (h gamma) - J,
 //! its equations, differentiated, are
@@ -11,9 +11,8 @@
 //! where `J(y_i)` and `M_i` have columns for inputs and parameters too, and S their unit rows.
 
 use super::elimination::{Elimination, MOST_COLUMNS};
-use super::rosenbrock::STAGES;
+use super::rosenbrock::{A, C, STAGES};
 use super::{CurvedFunction, SparsityPattern};
-use crate::rodas4::{A, C};
 use pinc_ad::simd::{Simd, Work};
 
 /// Numbers of columns that go through the method together.

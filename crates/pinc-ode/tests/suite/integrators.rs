@@ -17,7 +17,7 @@ fn the_error_falls_with_the_order() {
         // The errors of a method of higher order reach rounding in a longer step too.
         let t = if integrator.order() > 4 { 8.0 } else { 3.0 };
         let plant = pinc_expr::into_dyn(oscillator.clone());
-        let method = |substeps| plant.model(integrator, t, substeps);
+        let method = |substeps| plant.model(integrator, t, substeps).unwrap();
         let slope = order(method, &x, &[u], &oscillator.exact(&x, u, t));
         assert!((slope - f64::from(integrator.order())).abs() < 0.15, "{integrator}: {slope}");
     }
@@ -27,7 +27,7 @@ fn the_error_falls_with_the_order() {
 fn jacobians_are_the_derivatives_of_the_step() {
     let flow = &flows("johansson-nonminimum")[0];
     for integrator in Integrator::ALL {
-        let mut model = tanks().model(integrator, 10.0, 3);
+        let mut model = tanks().model(integrator, 10.0, 3).unwrap();
         let [next, a, b] = linearize(&mut *model, &flow.x, &flow.u);
         let (nx, nu) = (flow.x.len(), flow.u.len());
         let mut stepped = |x: &[f64], u: &[f64]| {
@@ -76,7 +76,7 @@ impl Plant for Counted {
 #[test]
 fn an_explicit_step_takes_its_stages_in_each_substep() {
     for integrator in Integrator::ALL.into_iter().filter(|method| method.tableau().is_some()) {
-        let mut model = pinc_expr::into_dyn(Counted).model(integrator, 1.0, 5);
+        let mut model = pinc_expr::into_dyn(Counted).model(integrator, 1.0, 5).unwrap();
         let before = CALLS.load(Ordering::Relaxed);
         model.step(&[1.0], &[0.0], &[], &mut [0.0]);
         let calls = CALLS.load(Ordering::Relaxed) - before;

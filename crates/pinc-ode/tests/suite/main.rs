@@ -9,6 +9,6 @@ mod integrators;
 mod loaded;
 mod metrics;
 mod piecewise_constant;
-mod rodas4;
+mod rosenbrock;
 mod runge_kutta;
 mod tangent;

@@ -325,7 +325,15 @@ impl InteriorPoint {
         (offset - limit > FARTHEST * remainder).then_some(heaviest.1)
     }
 
-    /// A step: predictor and corrector.
+    /// A step of Mehrotra's method:
+    ///
+    /// ```text
+    /// factor H + C'D C
+    /// predictor: the direction to tau = 0, which would leave the gap gap_aff
+    /// tau = gap / pairs (gap_aff / gap)^3
+    /// corrector: the direction to tau, with the products of the predictor's changes
+    /// alpha = 0.995 of the way to the boundary
+    /// ```
     fn iterate(&mut self, qp: &Qp, at: &mut Newton, expired: &mut dyn FnMut() -> bool) -> bool {
         at.weights.fill(0.0);
         for side in &self.sides {
@@ -343,25 +351,25 @@ impl InteriorPoint {
         if pairs > 0.0 {
             self.direct(qp, at, 0.0, false);
             let gap = |length: f64| self.sides.iter().map(|side| side.gap(length)).sum::<f64>();
-            let (before, after) = (gap(0.0), gap(self.longest().min(1.0)));
-            tau = (before / pairs * (after / before).powi(3)).max(LEAST_PRODUCT);
+            let (now, affine) = (gap(0.0), gap(self.longest().min(1.0)));
+            tau = (now / pairs * (affine / now).powi(3)).max(LEAST_PRODUCT);
         }
         if expired() {
             return false;
         }
         self.direct(qp, at, tau, true);
-        let length = (FRACTION * self.longest()).min(1.0);
-        if length.is_nan() || length < 1e-12 {
+        let alpha = (FRACTION * self.longest()).min(1.0);
+        if alpha.is_nan() || alpha < 1e-12 {
             return false;
         }
-        at.advance(length);
+        at.advance(alpha);
         for side in &mut self.sides {
-            side.t += length * side.dt;
-            side.mu += length * side.dmu;
-            side.e += length * side.de;
+            side.t += alpha * side.dt;
+            side.mu += alpha * side.dmu;
+            side.e += alpha * side.de;
         }
         for &(row, bound) in &self.equalities {
-            at.mu[row] += length * self.stiffness * (at.moved[row] + at.values[row] - bound);
+            at.mu[row] += alpha * self.stiffness * (at.moved[row] + at.values[row] - bound);
         }
         self.collect(at);
         true

@@ -79,11 +79,7 @@ impl Newton {
 
     /// Computes values, slope and defect.
     pub(super) fn residuals(&mut self, qp: &Qp) {
-        match (qp.dims.nx, qp.dims.nu) {
-            (2, 1) => self.residuals_sized(qp, 2, 1),
-            (4, 2) => self.residuals_sized(qp, 4, 2),
-            (n, m) => self.residuals_sized(qp, n, m),
-        }
+        sized!(qp.dims, |n, m| self.residuals_sized(qp, n, m));
     }
 
     #[inline(always)]

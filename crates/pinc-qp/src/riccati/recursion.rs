@@ -77,11 +77,7 @@ impl Riccati {
         weights: &[f64],
         expired: &mut dyn FnMut() -> bool,
     ) -> bool {
-        match (self.dims.nx, self.dims.nu) {
-            (2, 1) => self.factor_sized(qp, weights, (2, 1), expired),
-            (4, 2) => self.factor_sized(qp, weights, (4, 2), expired),
-            sizes => self.factor_sized(qp, weights, sizes, expired),
-        }
+        sized!(self.dims, |n, m| self.factor_sized(qp, weights, (n, m), expired))
     }
 
     #[inline(always)]
@@ -187,20 +183,10 @@ impl Riccati {
         d: &mut [f64],
         lambda: &mut [f64],
     ) {
-        match (self.dims.nx, self.dims.nu) {
-            (2, 1) => {
-                self.backward(qp, g, c, (2, 1));
-                self.roll_out(qp, c, d, lambda, (2, 1));
-            }
-            (4, 2) => {
-                self.backward(qp, g, c, (4, 2));
-                self.roll_out(qp, c, d, lambda, (4, 2));
-            }
-            sizes => {
-                self.backward(qp, g, c, sizes);
-                self.roll_out(qp, c, d, lambda, sizes);
-            }
-        }
+        sized!(self.dims, |n, m| {
+            self.backward(qp, g, c, (n, m));
+            self.roll_out(qp, c, d, lambda, (n, m));
+        });
     }
 
     #[inline(always)]

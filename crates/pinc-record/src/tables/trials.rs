@@ -3,7 +3,7 @@
 use super::trial_metric::TrialMetric;
 use crate::csv::{CsvFile, CsvText};
 use crate::error::RecordError;
-use crate::search::Standing;
+use crate::search::Eligibility;
 use crate::sweep_dir::{Ending, Finished};
 use pinc_config::{Experiment, ModelKind, SweepSpec, Trial, columns};
 use std::path::Path;
@@ -92,7 +92,7 @@ impl TrialColumn {
         trial: &Trial,
         choices: &[String],
         finished: Option<&Finished>,
-        standing: Standing,
+        eligibility: Eligibility,
     ) -> String {
         let ending = finished.map(|finished| &finished.ending);
         match self {
@@ -106,7 +106,9 @@ impl TrialColumn {
                 cell.unwrap_or_default()
             }
             Self::Status => match ending {
-                None if standing == Standing::Dropped => TrialStatus::Dropped.name().to_owned(),
+                None if eligibility == Eligibility::Dropped => {
+                    TrialStatus::Dropped.name().to_owned()
+                }
                 None => TrialStatus::Pending.name().to_owned(),
                 Some(Ending::Done) => TrialStatus::Done.name().to_owned(),
                 Some(Ending::Failed { .. }) => TrialStatus::Failed.name().to_owned(),
@@ -136,14 +138,15 @@ impl TrialTable {
         sweep: &SweepSpec,
         trials: &[Trial],
         finished: &[Option<Finished>],
-        standings: &[Standing],
+        eligibility: &[Eligibility],
     ) -> Self {
         let choices = pinc_config::columns(sweep);
-        let row = |((trial, finished), standing): ((&Trial, &Option<Finished>), &Standing)| {
-            let finished = finished.as_ref();
-            columns.iter().map(|c| c.cell(trial, &choices, finished, *standing)).collect()
-        };
-        let rows = trials.iter().zip(finished).zip(standings).map(row).collect();
+        let row =
+            |((trial, finished), eligibility): ((&Trial, &Option<Finished>), &Eligibility)| {
+                let finished = finished.as_ref();
+                columns.iter().map(|c| c.cell(trial, &choices, finished, *eligibility)).collect()
+            };
+        let rows = trials.iter().zip(finished).zip(eligibility).map(row).collect();
         Self { columns, rows }
     }
 

@@ -2,7 +2,7 @@
 
 use crate::error::RecordError;
 use crate::metrics::SweepMetrics;
-use crate::search::{Best, Search, Standing};
+use crate::search::{Best, Eligibility, Search};
 use crate::sweep_dir::{Ending, Finished, SweepDir};
 use pinc_config::{Experiment, Trial};
 use std::collections::HashMap;
@@ -69,20 +69,20 @@ impl<'a> Ledger<'a> {
 
     /// How the trials stand.
     #[must_use]
-    pub fn standings(&self) -> Vec<Standing> {
+    pub fn eligibility(&self) -> Vec<Eligibility> {
         match &self.search {
-            Some(search) => search.standings(&self.results),
-            None => vec![Standing::Open; self.results.len()],
+            Some(search) => search.eligibility(&self.results),
+            None => vec![Eligibility::Open; self.results.len()],
         }
     }
 
     /// How the trials stand, by their hashes: of equal ones one is enough.
     #[must_use]
-    pub fn standings_by_id(&self) -> HashMap<&'a str, Standing> {
-        let standings = self.standings();
-        let least = |places: &Vec<usize>| places.iter().map(|&i| standings[i]).min();
+    pub fn eligibility_by_id(&self) -> HashMap<&'a str, Eligibility> {
+        let eligibility = self.eligibility();
+        let least = |places: &Vec<usize>| places.iter().map(|&i| eligibility[i]).min();
         let known = self.places.iter().map(|(id, places)| (*id, least(places)));
-        known.filter_map(|(id, standing)| Some((id, standing?))).collect()
+        known.filter_map(|(id, eligibility)| Some((id, eligibility?))).collect()
     }
 
     /// The best candidate of a search.
@@ -96,10 +96,11 @@ impl<'a> Ledger<'a> {
     pub fn counts(&self) -> SweepMetrics {
         let over = self.results.iter().flatten();
         let failed = over.clone().filter(|finished| finished.ending != Ending::Done).count();
-        let standings = self.standings();
-        let pairs = self.results.iter().zip(&standings);
-        let dropped =
-            pairs.filter(|(result, standing)| result.is_none() && **standing == Standing::Dropped);
+        let eligibility = self.eligibility();
+        let pairs = self.results.iter().zip(&eligibility);
+        let dropped = pairs.filter(|(result, eligibility)| {
+            result.is_none() && **eligibility == Eligibility::Dropped
+        });
         SweepMetrics {
             trials: self.results.len(),
             done: over.count() - failed,

@@ -1,7 +1,7 @@
 //! Who does what next: trials in their order, each after the training that it shares with others.
 //! What another process works on is put aside and looked at again.
 
-use crate::search::Standing;
+use crate::search::Eligibility;
 use pinc_config::Trial;
 use std::collections::{BTreeMap, HashMap, HashSet, VecDeque};
 use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
@@ -115,18 +115,18 @@ impl<'a> Queue<'a> {
 
     /// Takes up trials of which it was not known whether they are to be run, and forgets those that
     /// are not. Returns the number of these.
-    pub fn reconsider(&self, standing: impl Fn(&Trial) -> Standing) -> usize {
+    pub fn reconsider(&self, eligibility: impl Fn(&Trial) -> Eligibility) -> usize {
         let mut state = self.lock();
         let (before, later) = (state.later.len(), std::mem::take(&mut state.later));
         let mut begun = 0;
         for trial in later {
-            match standing(trial) {
-                Standing::Open => {
+            match eligibility(trial) {
+                Eligibility::Open => {
                     state.enqueue(trial);
                     begun += 1;
                 }
-                Standing::Waiting => state.later.push(trial),
-                Standing::Dropped => {}
+                Eligibility::Waiting => state.later.push(trial),
+                Eligibility::Dropped => {}
             }
         }
         let dropped = before - begun - state.later.len();

@@ -95,8 +95,7 @@ pub fn certify(
         }
     }
     if let (true, true, Some(reason)) = (what.domain, all.is_empty(), &metrics.refused) {
-        let (name, reason) = (experiment.name.clone(), reason.clone());
-        return Err(RunError::NotProven { name, command: "certify", reason });
+        return Err(RunError::usage(&experiment.name, format!("certify: {reason}")));
     }
     run_dir.write(file::CERTIFY, metrics.to_json().as_bytes())?;
     run_dir.update(|_| {})?;

@@ -41,24 +41,21 @@ impl Subject {
         model: Option<&Path>,
         only: Option<ModelKind>,
     ) -> Result<Self, RunError> {
-        let name = || experiment.name.clone();
+        let name = &experiment.name;
         let kind = only.unwrap_or(ModelKind::Pinc);
         let given = match (kind, model) {
-            (ModelKind::Pinc, None) => {
-                return Err(RunError::NoModelFile { name: name(), command: "certify" });
-            }
+            (ModelKind::Pinc, None) => return Err(RunError::no_model_file(name, "certify")),
             (ModelKind::Pinc, Some(path)) => Some(read_matching_model(experiment, path)?),
             (ModelKind::Integrator(method), _) if method.tableau().is_some() => None,
             (ModelKind::Integrator(_) | ModelKind::BlackBox, _) => {
-                let reason = format!(
-                    "the model `{}` is not enclosed; expected `pinc`, `rk4` or `rk5`",
+                let problem = format!(
+                    "certify: the model `{}` is not enclosed; expected `pinc`, `rk4` or `rk5`",
                     kind.name()
                 );
-                return Err(RunError::NotProven { name: name(), command: "certify", reason });
+                return Err(RunError::usage(name, problem));
             }
         };
-        let missing =
-            |section| RunError::MissingSection { name: name(), section, command: "certify" };
+        let missing = |section| RunError::missing_section(name, section, "certify");
         let (bytes, net) = given.unzip();
         let domain = net.as_ref().map(PincNet::domain).or(experiment.domain.as_ref());
         let domain: &Domain = domain.ok_or_else(|| missing("domain"))?;
@@ -179,7 +176,7 @@ impl Subject {
     fn integrated(&self, points: &[Vec<f64>]) -> Result<Vec<Judged>, RunError> {
         let mut model: Box<dyn Model> = match (&self.net, self.kind.integrator()) {
             (Some(net), _) => Box::new(PincModel::new(net)?),
-            (None, Some(method)) => self.plant.model(method, self.sample_time_s, self.substeps),
+            (None, Some(method)) => self.plant.model(method, self.sample_time_s, self.substeps)?,
             (None, None) => unreachable!("a net is given, or else an explicit method"),
         };
         let mut truth = Simulator::new(&*self.plant, TOLERANCE);

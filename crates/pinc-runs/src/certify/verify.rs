@@ -16,16 +16,15 @@ const SLACK: f64 = 1.01;
 ///
 /// # Errors
 ///
-/// [`RunError::NotProven`] if there is no certificate, something has changed, or the proof fails.
+/// [`RunError`] if there is no certificate, something has changed, or the proof fails.
 pub fn verify_certificate(
     experiment: &Experiment,
     model: &Path,
     options: &Options<'_>,
 ) -> Result<Certificate, RunError> {
-    let refused = |reason: String| RunError::NotProven {
-        name: experiment.name.clone(),
-        command: "certify --verify",
-        reason: format!("{}: {reason}", model.display()),
+    let refused = |reason: String| {
+        let problem = format!("certify --verify: {}: {reason}", model.display());
+        RunError::usage(&experiment.name, problem)
     };
     let (bytes, net) = read_matching_model(experiment, model)?;
     let found = certificate(&bytes).ok_or_else(|| {

@@ -44,7 +44,7 @@ fn all_functions_of_equations_can_be_enclosed() {
         let error = StepError::new(&equations, &[], 1, model, 0.5).unwrap();
         let plant = equations.to_dyn().unwrap();
         let points = lattice(&[[0.6, 1.4], [0.0, 1.0]], 10);
-        let mut model = plant.model(Integrator::Rk5, 0.5, 4);
+        let mut model = plant.model(Integrator::Rk5, 0.5, 4).unwrap();
         for (point, found) in points.iter().zip(error.at_points(&points, 1)) {
             let exact = truth(&*plant, &mut *model, point)[0];
             let bound = found.bound()[0];

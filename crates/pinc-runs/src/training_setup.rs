@@ -30,11 +30,7 @@ impl<'a> TrainingSetup<'a> {
     ///
     /// [`RunError`] if a section is missing.
     pub fn of(experiment: &'a Experiment) -> Result<Self, RunError> {
-        let missing = |section| RunError::MissingSection {
-            name: experiment.name.clone(),
-            section,
-            command: "training",
-        };
+        let missing = |section| RunError::missing_section(&experiment.name, section, "training");
         Ok(Self {
             net: experiment.model.as_ref().ok_or_else(|| missing("model"))?,
             domain: experiment.domain.as_ref().ok_or_else(|| missing("domain"))?,
@@ -45,11 +41,11 @@ impl<'a> TrainingSetup<'a> {
     }
 
     /// What a trainer is made from, and the scenarios that its net is judged by.
-    pub(super) fn material<'p>(
+    pub(super) fn inputs<'p>(
         &self,
         plant: &'p dyn DynPlant,
         experiment: &Experiment,
-    ) -> Result<(Material<'p>, ValidationSet), RunError> {
+    ) -> Result<(TrainerInputs<'p>, ValidationSet), RunError> {
         let training = self.training(experiment.seed);
         let (mut validation, mut test) =
             (training.validation_set(plant)?, training.test_set(plant)?);
@@ -61,7 +57,7 @@ impl<'a> TrainingSetup<'a> {
         let weight = self.data.map_or(0.0, |data| data.weight);
         let unknown = self.data.filter(|data| !data.parameters.is_empty());
         let unknown = unknown.map(|data| Unknown::of(experiment, &data.parameters));
-        Ok((Material { plant, training, validation, measured, weight, unknown }, test))
+        Ok((TrainerInputs { plant, training, validation, measured, weight, unknown }, test))
     }
 
     /// The plant with the parameters that were trained with the net, if any were, and the scenarios
@@ -70,13 +66,13 @@ impl<'a> TrainingSetup<'a> {
         &self,
         experiment: &Experiment,
         parameters: &BTreeMap<String, f64>,
-    ) -> Result<Option<Found>, RunError> {
+    ) -> Result<Option<IdentifiedPlant>, RunError> {
         if parameters.is_empty() {
             return Ok(None);
         }
         let plant = experiment.plant.with_parameters(parameters).dyn_plant();
         let test = self.training(experiment.seed).test_set(&*plant)?;
-        Ok(Some(Found { plant, test }))
+        Ok(Some(IdentifiedPlant { plant, test }))
     }
 
     /// The threads that the config gives.
@@ -112,13 +108,13 @@ impl<'a> TrainingSetup<'a> {
 }
 
 /// The plant with the parameters that were trained with the net, and scenarios of it.
-pub(super) struct Found {
+pub(super) struct IdentifiedPlant {
     pub(super) plant: Box<dyn DynPlant>,
     pub(super) test: ValidationSet,
 }
 
 /// What a trainer is made from.
-pub(super) struct Material<'a> {
+pub(super) struct TrainerInputs<'a> {
     plant: &'a dyn DynPlant,
     training: Training,
     validation: ValidationSet,
@@ -149,7 +145,7 @@ impl Unknown {
     }
 }
 
-impl Material<'_> {
+impl TrainerInputs<'_> {
     /// How many iterations a training has at most.
     pub(super) fn iterations(&self) -> u64 {
         self.training.config.phases.iter().map(|phase| phase.iterations).sum()

@@ -2,15 +2,18 @@
 
 use crate::common::{Oscillator, distance, flows, linearize, order, predict};
 use pinc_ad::{Scalar, central_difference};
-use pinc_ode::{Dopri5, Model, Plant, Rk4, Rodas4, Variable};
+use pinc_ode::{Dopri5, Integrator, Model, Plant, Rk4, Variable};
 use pinc_plants::{FourTanks, HydraulicServo, SingleTrackCar};
+
+fn rosenbrock(plant: impl Plant, sample_time_s: f64, substeps: usize) -> Box<dyn Model> {
+    pinc_expr::into_dyn(plant).model(Integrator::Rosenbrock, sample_time_s, substeps).unwrap()
+}
 
 #[test]
 fn order_4_on_a_linear_system() {
     let plant = Oscillator { damping: 0.2 };
     let (x, u, t) = ([1.0, -0.5], 0.7, 3.0);
-    let slope =
-        order(|n| Box::new(Rodas4::new(plant.clone(), t, n)), &x, &[u], &plant.exact(&x, u, t));
+    let slope = order(|n| rosenbrock(plant.clone(), t, n), &x, &[u], &plant.exact(&x, u, t));
     assert!((slope - 4.0).abs() < 0.15, "{slope}");
 }
 
@@ -18,7 +21,7 @@ fn order_4_on_a_linear_system() {
 fn order_4_on_the_tanks() {
     for flow in flows("johansson-nonminimum") {
         let plant = FourTanks::johansson_nonminimum();
-        let method = |n| Box::new(Rodas4::new(plant, flow.duration_s, n));
+        let method = |n| rosenbrock(plant, flow.duration_s, n);
         let slope = order(method, &flow.x, &flow.u, &flow.end);
         assert!((slope - 4.0).abs() < 0.15, "{slope}");
     }
@@ -51,7 +54,7 @@ impl Plant for Lag {
 fn fast_modes_die_out_at_any_step() {
     for power in -2..=12 {
         let rate = 10.0_f64.powi(power);
-        let x = predict(&mut Rodas4::new(Lag { rate }, 1.0, 1), &[3.0], &[2.0])[0];
+        let x = predict(&mut *rosenbrock(Lag { rate }, 1.0, 1), &[3.0], &[2.0])[0];
         assert!((x - 2.0).abs() <= 1.0, "rate {rate}: {x}");
         // The constant of the O is a product of the coefficients, some tens.
         assert!((x - 2.0).abs() < 100.0 / rate, "rate {rate}: {x}");
@@ -64,8 +67,8 @@ fn fast_modes_die_out_at_any_step() {
 #[test]
 fn oscillations_do_not_grow_at_any_step() {
     for step in [0.1, 0.5, 1.0, 2.0, 5.0, 20.0, 1e3] {
-        let mut method = Rodas4::new(Oscillator { damping: 0.0 }, step, 1);
-        let [x, v] = predict(&mut method, &[1.0, 0.0], &[0.0])[..] else { panic!("two states") };
+        let mut method = rosenbrock(Oscillator { damping: 0.0 }, step, 1);
+        let [x, v] = predict(&mut *method, &[1.0, 0.0], &[0.0])[..] else { panic!("two states") };
         assert!(x.hypot(v) <= 1.0 + 1e-12, "step {step}: {x} {v}");
     }
 }
@@ -91,7 +94,7 @@ impl Plant for FastAndSlow {
 
 #[test]
 fn a_slow_mode_beside_a_fast_one() {
-    let end = predict(&mut Rodas4::new(FastAndSlow, 1.0, 20), &[5.0, 1.0], &[]);
+    let end = predict(&mut *rosenbrock(FastAndSlow, 1.0, 20), &[5.0, 1.0], &[]);
     let slow = (-1.0_f64).exp();
     // Order 4 with h = 1/20: 20 h^5 of a constant below 1e-2; the fast state follows to 1/(h 1e6).
     assert!((end[1] - slow).abs() < 1e-7, "{end:?}");
@@ -104,12 +107,12 @@ fn a_slow_mode_beside_a_fast_one() {
 #[test]
 fn jacobians_are_those_of_the_method() {
     check_jacobians(
-        &mut Rodas4::new(HydraulicServo::default(), 0.01, 2),
+        &mut *rosenbrock(HydraulicServo::default(), 0.01, 2),
         &[(vec![0.01, 0.05, 3.0, 0.2], vec![0.4]), (vec![0.0, -0.1, -10.0, -0.5], vec![0.6])],
         &[0.02, 0.2, 16.0, 1.0, 1.0],
     );
     check_jacobians(
-        &mut Rodas4::new(SingleTrackCar::default(), 0.05, 2),
+        &mut *rosenbrock(SingleTrackCar::default(), 0.05, 2),
         &[
             (vec![7.0, -1.0, 0.7, 0.4], vec![-0.2, 600.0]),
             (vec![5.0, 0.1, 0.1, 0.05], vec![0.1, 50.0]),
@@ -118,7 +121,7 @@ fn jacobians_are_those_of_the_method() {
     );
 }
 
-fn check_jacobians(method: &mut impl Model, points: &[(Vec<f64>, Vec<f64>)], scale: &[f64]) {
+fn check_jacobians(method: &mut dyn Model, points: &[(Vec<f64>, Vec<f64>)], scale: &[f64]) {
     for (x, u) in points {
         let (n, m) = (x.len(), u.len());
         let [_, a, b] = linearize(method, x, u);
@@ -148,7 +151,7 @@ fn agrees_with_the_truth_on_the_servo() {
     let (x, u) = ([0.01, 0.05, 3.0, 0.2], [0.4]);
     let mut truth = x.to_vec();
     Dopri5::new(plant, 1e-12).integrate(&mut truth, &u, 0.01).expect("it can be integrated");
-    let implicit = predict(&mut Rodas4::new(plant, 0.01, 400), &x, &u);
+    let implicit = predict(&mut *rosenbrock(plant, 0.01, 400), &x, &u);
     let explicit = predict(&mut Rk4::new(plant, 0.01, 4000), &x, &u);
     // Of pressures of some MPa, the largest of the states.
     assert!(distance(&implicit, &truth) < 1e-6, "{implicit:?} {truth:?}");
