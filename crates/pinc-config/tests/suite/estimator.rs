@@ -6,7 +6,8 @@ use pinc_estimate::Gate;
 fn gate(set: &str) -> Result<Gate, String> {
     let tanks = read("configs/estimation/tanks.toml");
     let experiment = parse(&tanks, &[set])?;
-    Ok(experiment.control.unwrap().estimator.unwrap().tuning().gate)
+    let control = experiment.control.unwrap();
+    Ok(control.estimator.as_ref().unwrap().tuning(&control).gate)
 }
 
 #[test]
