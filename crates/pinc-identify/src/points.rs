@@ -56,7 +56,7 @@ mod tests {
     use super::*;
 
     fn spread(low: f64, high: f64) -> Vec<f64> {
-        let unknown = Unknown { name: "k".to_owned(), place: 0, initial: 1.0, low, high };
+        let unknown = Unknown { name: "k".to_owned(), place: 0, initial: high, low, high };
         (0..64).map(|i| point(std::iter::once(&unknown), i, 3)[0]).collect()
     }
 
