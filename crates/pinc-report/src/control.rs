@@ -355,3 +355,19 @@ fn differences(one: &ControlTrace, two: &ControlTrace, place: usize) -> Vec<Poin
     let difference = |a: f64, b: f64| if differs(a, b) { (a - b).abs() } else { 0.0 };
     together.map(|(a, b)| (a.t, difference(a.state[place], b.state[place]))).collect()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Curves share a panel where each takes up 4 % of what all take together, wherever that is.
+    #[test]
+    fn curves_that_can_be_read_together_fit() {
+        assert!(fit(&[(100.0, 110.0)], (104.0, 104.5)));
+        assert!(fit(&[(100.0, 110.0)], (95.0, 95.7)));
+        assert!(!fit(&[(100.0, 110.0)], (90.0, 90.7)));
+        assert!(!fit(&[(100.0, 100.3)], (90.0, 100.0)));
+        // A constant is no curve.
+        assert!(fit(&[(100.0, 110.0)], (105.0, 105.0)));
+    }
+}

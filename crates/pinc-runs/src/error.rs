@@ -95,6 +95,15 @@ pub enum RunError {
         /// How each loop ended.
         reasons: String,
     },
+    /// The C compiler that makes the binary of an FMU is missing or failed.
+    #[error(
+        "export: the FMU was not written, since the C compiler `cc` made no binary for it: \
+        {reason}. Install one, as the package `gcc`"
+    )]
+    NoBinary {
+        /// What the system or the compiler says.
+        reason: String,
+    },
     /// A plant for a target that does not take plants.
     #[error("export: `--to {target}` takes no plant; `--plant` goes `--to fmu`")]
     PlantTarget {
