@@ -364,3 +364,13 @@ fn a_list_of_runs_is_no_experiment() {
     }
     assert!(!error.contains("preset"), "{error}");
 }
+
+/// A limit is the most that is allowed.
+#[test]
+fn a_phase_may_have_as_many_iterations_as_the_limit() {
+    let text = read("configs/smoke/van-der-pol.toml");
+    let iterations = |count: u64| parse(&text, &[&format!("training.phases.0.iterations={count}")]);
+    assert!(iterations(10_000_000).is_ok());
+    let error = iterations(10_000_001).unwrap_err();
+    assert!(error.contains("10000001 given, expected 10000000 at most"), "{error}");
+}
