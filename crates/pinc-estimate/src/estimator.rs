@@ -225,8 +225,8 @@ impl Tuning {
     #[must_use]
     pub fn most_variance(&self) -> Vec<f64> {
         let own = self.initial_sd.iter().zip(&self.process_sd).enumerate();
-        let most = |(k, (initial, process)): (usize, (&f64, &f64))| match self.range.get(k) {
-            Some(&range) if range > 0.0 => range.max(*initial).max(*process).powi(2),
+        let most = |(k, (initial, in_a_step)): (usize, (&f64, &f64))| match self.range.get(k) {
+            Some(&range) if range > 0.0 => range.max(*initial).max(*in_a_step).powi(2),
             Some(_) | None => f64::INFINITY,
         };
         own.map(most).collect()

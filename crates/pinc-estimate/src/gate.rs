@@ -62,8 +62,8 @@ impl Gate {
     pub fn widened(tuning: &Tuning) -> Vec<f64> {
         let range = |k: usize| tuning.range.get(k).map_or(0.0, |range| range * range);
         let both = variances(&tuning.initial_sd).into_iter().zip(variances(&tuning.process_sd));
-        let all = both.enumerate().map(|(k, (initial, process))| {
-            initial.max(process).max(range(k) / tuning.gate.bound())
+        let all = both.enumerate().map(|(k, (initial, in_a_step))| {
+            initial.max(in_a_step).max(range(k) / tuning.gate.bound())
         });
         all.collect()
     }
