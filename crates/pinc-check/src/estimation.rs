@@ -194,7 +194,7 @@ fn linearized(
     let parameters = (&values[..], &estimated[..]);
     let augmentation = estimator.augmentation(&measurement, &variables, parameters);
     let mut model = Augmented::new(model, augmentation).ok()?;
-    let tuning = estimator.tuning();
+    let tuning = estimator.tuning(control);
     let unknowns = &tuning.initial_estimate[point.x.len()..];
     let z = [&point.x[..], unknowns].concat();
     let Dims { nx, nu, ny, .. } = model.dims();

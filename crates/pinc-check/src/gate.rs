@@ -39,7 +39,7 @@ pub(crate) fn examine(
     (control, estimator): (&ControlSpec, &EstimatorSpec),
     (rehearsal, marks): (&Rehearsal, &[usize]),
 ) -> Vec<Finding> {
-    let Gate::Sd(sd) = estimator.tuning().gate else {
+    let Gate::Sd(sd) = estimator.tuning(control).gate else {
         return vec![Finding::fact(KEY, "no reading is rejected, however wild")];
     };
     let Some(sensors) = judged(subject, (control, estimator, sd), (rehearsal, marks)) else {
@@ -72,7 +72,7 @@ fn judged(
         let model = plant.model(integrator, subject.step_s(), substeps).ok()?;
         Augmented::new(model, augmentation.clone()).ok()
     };
-    let tuning = estimator.tuning();
+    let tuning = estimator.tuning(control);
     let unknowns = tuning.initial_estimate[variables.states.len()..].to_vec();
     let mut sensors = sensors(control, &variables);
     let (mut model, mut filter) = (model()?, Ekf::new(Box::new(model()?), tuning.clone()).ok()?);

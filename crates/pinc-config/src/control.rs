@@ -198,6 +198,17 @@ impl ControlSpec {
 }
 
 impl ControlSpec {
+    /// The width of each state's range between its bounds, 0 without both of them; empty without
+    /// any bounds.
+    #[must_use]
+    pub fn state_ranges(&self) -> Vec<f64> {
+        let (Some(low), Some(high)) = (&self.state_low, &self.state_high) else {
+            return Vec::new();
+        };
+        let widths = low.iter().zip(high).map(|(low, high)| high - low);
+        widths.map(|width| if width.is_finite() { width } else { 0.0 }).collect()
+    }
+
     /// The bounds of all outputs, those that are states among them, which have none here.
     fn output_bounds(&self, variables: &Variables) -> Option<Bounds> {
         if self.output_low.is_none() && self.output_high.is_none() {

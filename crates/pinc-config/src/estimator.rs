@@ -1,6 +1,6 @@
 //! `[control.measurement]` and `[control.estimator]`.
 
-use crate::Variables;
+use crate::{ControlSpec, Variables};
 use pinc_estimate::{Augmentation, Disturbance, Gate, Measured, Tuning};
 use serde::{Deserialize, Serialize};
 
@@ -214,9 +214,10 @@ impl EstimatorSpec {
         names
     }
 
-    /// Returns the estimator's tuning, for states, disturbances and parameters.
+    /// What the estimator is told, of states, disturbances and parameters. The states move between
+    /// the bounds that `control` has for them.
     #[must_use]
-    pub fn tuning(&self) -> Tuning {
+    pub fn tuning(&self, control: &ControlSpec) -> Tuning {
         let disturbances = self.disturbance_sd.len();
         let unknown = |of: fn(&UnknownParameter) -> f64| self.parameters.iter().map(of);
         let with = |states: &[f64], disturbances: &[f64], of: fn(&UnknownParameter) -> f64| {
@@ -238,6 +239,7 @@ impl EstimatorSpec {
             low: side(&self.low, f64::NEG_INFINITY, |p| p.low.unwrap_or(f64::NEG_INFINITY)),
             high: side(&self.high, f64::INFINITY, |p| p.high.unwrap_or(f64::INFINITY)),
             gate: self.gate.map_or_else(Gate::default, Gate::from),
+            range: control.state_ranges(),
         }
     }
 }

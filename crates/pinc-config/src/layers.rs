@@ -49,6 +49,7 @@ impl Layers {
         let mut file = parse(path, text)?;
         let sets = sets.iter().map(|s| Setting::parse(s)).collect::<Result<Vec<_>, _>>()?;
         let origin = |key: &str| Origin::File { path: path.to_owned(), line: line_of(text, key) };
+        not_a_list(&file, &origin)?;
         let preset = chosen_preset(&file, &sets, &origin)?;
         let differences = take_differences(&mut file, preset, &origin)?;
 
@@ -310,6 +311,23 @@ fn line_of(text: &str, key: &str) -> usize {
             None => return 1,
         }
     }
+}
+
+/// Refuses a list of runs in the place of an experiment.
+fn not_a_list(file: &Table, in_file: &dyn Fn(&str) -> Origin) -> Result<(), ConfigError> {
+    if !file.contains_key("runs") {
+        return Ok(());
+    }
+    let problem = Problem::Value {
+        found: "a list of runs".to_owned(),
+        expected: "an experiment: one of the configs of the list (`pinc run` takes lists)"
+            .to_owned(),
+    };
+    Err(ConfigError::Key {
+        origin: in_file("runs"),
+        key: "runs".to_owned(),
+        problem: Box::new(problem),
+    })
 }
 
 fn chosen_preset(

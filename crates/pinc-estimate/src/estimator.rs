@@ -168,6 +168,11 @@ pub struct Tuning {
     pub high: Vec<f64>,
     /// Which measurements are rejected.
     pub gate: Gate,
+    /// The width of the range in which each entry of z moves, 0 or more (0 if it is not known), for
+    /// the first entries or for none: how far off a lost estimate may be. The gate passes a reading
+    /// so far off after [`Gate::PATIENCE`] rejections, and no prediction leaves a standard deviation
+    /// beyond it ([`Tuning::most_variance`]).
+    pub range: Vec<f64>,
 }
 
 impl Tuning {
@@ -189,6 +194,14 @@ impl Tuning {
         check("initial_estimate", &self.initial_estimate, nx, "finite", f64::is_finite)?;
         check("initial_sd", &self.initial_sd, nx, "0 or more, and finite", sd)?;
         check("process_sd", &self.process_sd, nx, "0 or more, and finite", sd)?;
+        let range = self.range.len().min(nx);
+        check(
+            "range",
+            &self.range,
+            range,
+            "0 or more, and finite, one per entry of z at most",
+            sd,
+        )?;
         let sd = &self.measurement_sd;
         check("measurement_sd", sd, dims.ny, "positive and finite", positive)?;
         if !self.low.is_empty() {
@@ -206,6 +219,19 @@ impl Tuning {
         Ok(())
     }
 
+    /// The most that a prediction may leave of each entry's variance, `nx`: that of an error as large
+    /// as [`Tuning::range`], or those of the beginning or of a step where these are larger; infinite
+    /// where no range is known.
+    #[must_use]
+    pub fn most_variance(&self) -> Vec<f64> {
+        let own = self.initial_sd.iter().zip(&self.process_sd).enumerate();
+        let most = |(k, (initial, in_a_step)): (usize, (&f64, &f64))| match self.range.get(k) {
+            Some(&range) if range > 0.0 => range.max(*initial).max(*in_a_step).powi(2),
+            Some(_) | None => f64::INFINITY,
+        };
+        own.map(most).collect()
+    }
+
     /// Moves an estimate into the bounds.
     pub(crate) fn clip(&self, z: &mut [f64]) {
         z.iter_mut().zip(&self.low).for_each(|(z, low)| *z = z.max(*low));
@@ -216,6 +242,19 @@ impl Tuning {
 /// The squares of standard deviations.
 pub(crate) fn variances(sd: &[f64]) -> Vec<f64> {
     sd.iter().map(|sd| sd * sd).collect()
+}
+
+/// Scales the covariance `p`, `[n, n]`, so that no variance exceeds `most`, `n`. Correlations stay.
+pub(crate) fn limit(most: &[f64], p: &mut [f64]) {
+    let n = most.len();
+    for (k, most) in most.iter().enumerate() {
+        let variance = p[k * n + k];
+        if variance > *most {
+            let factor = (most / variance).sqrt();
+            p[k * n..(k + 1) * n].iter_mut().for_each(|entry| *entry *= factor);
+            p.iter_mut().skip(k).step_by(n).for_each(|entry| *entry *= factor);
+        }
+    }
 }
 
 /// Writes the covariance of independent quantities, `[n, n]`.

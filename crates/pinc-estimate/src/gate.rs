@@ -5,18 +5,20 @@ use crate::{EstimateError, EstimatorStatus, Tuning};
 
 /// The innovation gate: how far a reading may be from what is expected of it.
 ///
-/// A reading `y_i` is rejected where its normalized innovation squared, `v_i^2 / S_ii`, exceeds a bound
+/// A reading `y_i` is rejected if its normalized innovation squared, `v_i^2 / S_ii`, exceeds a bound
 /// n^2. Of a consistent estimator it has the chi-squared distribution with one degree of freedom, so
 /// that n counts standard deviations of the innovation. Each reading is judged by itself, from the
 /// estimate before any of them is used: a stuck sensor does not take the others with it, as it
-/// would with the joint v' S^-1 v. A rejected reading counts as missing.
+/// would with the joint `v' S^-1 v`. A rejected reading counts as missing.
 ///
-/// After [`Gate::PATIENCE`] rejections in a row of one quantity the estimate is doubted instead of
-/// the sensor: the reading is judged by a covariance that is widened to the initial one (without
-/// correlations, and nowhere narrower than it is), and used with this covariance if it passes. This
-/// is repeated after as many more rejections, with twice the standard deviations each time, up to
-/// 2^[`Gate::DOUBLINGS`] times the initial ones. A lasting offset and a jump of the plant get
-/// through in this way; a sensor stuck beyond this range is never believed.
+/// After [`Gate::PATIENCE`] more rejections than passes of one quantity the estimate is doubted
+/// instead of the sensor: the reading is judged by a covariance that is widened to
+/// [`Gate::widened`] (without correlations, and nowhere narrower than it is), and used with that
+/// covariance if it passes. It is judged so again after as many more rejections, with twice the
+/// standard deviations each time, up to 2^[`Gate::DOUBLINGS`] times. A lasting offset and a jump of
+/// the plant get through in this way; a sensor stuck beyond this range is never believed. One
+/// reading that passes takes back one rejection only, since a lost estimate meets the plant by
+/// chance now and then.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub enum Gate {
@@ -38,9 +40,10 @@ impl Gate {
     /// its model moves innovations by many standard deviations, which an estimator of disturbances
     /// needs; broken sensors are off by hundreds.
     pub const DEFAULT_SD: f64 = 30.0;
-    /// How many rejections in a row there are before a reading is judged by a wider covariance.
+    /// How many more rejections than passes there are before a reading is judged by a wider
+    /// covariance.
     pub const PATIENCE: usize = 5;
-    /// How often the standard deviations of the beginning are doubled.
+    /// How often the standard deviations of the widened covariance are doubled.
     pub const DOUBLINGS: usize = 5;
 
     /// The bound on the normalized innovation squared of one reading; infinite if there is none.
@@ -52,12 +55,17 @@ impl Gate {
         }
     }
 
-    /// The variances of each entry of z that a covariance is widened to at first, `nx`: the initial
-    /// variances, or the variances of a step where these are larger.
+    /// The variances of each entry of z that a covariance is widened to at first, `nx`: the largest
+    /// of those of the beginning, those of a step, and those with which the gate passes an error
+    /// as large as [`Tuning::range`].
     #[must_use]
     pub fn widened(tuning: &Tuning) -> Vec<f64> {
+        let range = |k: usize| tuning.range.get(k).map_or(0.0, |range| range * range);
         let both = variances(&tuning.initial_sd).into_iter().zip(variances(&tuning.process_sd));
-        both.map(|(initial, in_a_step)| initial.max(in_a_step)).collect()
+        let all = both.enumerate().map(|(k, (initial, in_a_step))| {
+            initial.max(in_a_step).max(range(k) / tuning.gate.bound())
+        });
+        all.collect()
     }
 
     pub(crate) fn validate(self) -> Result<(), EstimateError> {
@@ -70,13 +78,18 @@ impl Gate {
     }
 }
 
+/// The most rejections that are counted, after which the widest covariance has been due.
+const MOST_DOUBT: usize = Gate::PATIENCE * (Gate::DOUBLINGS + 2);
+
 /// The gate at work: what was rejected so far.
 #[derive(Clone, Debug)]
 pub(crate) struct Gatekeeper {
     bound: f64,
     widened: Vec<f64>,
-    /// How often each measured quantity was rejected in a row.
-    rejections: Vec<usize>,
+    /// Whether the last reading of each measured quantity was rejected.
+    rejected: Vec<bool>,
+    /// How many more rejections than passes each has had.
+    doubt: Vec<usize>,
 }
 
 /// How the readings of a step were judged.
@@ -104,12 +117,14 @@ impl Gatekeeper {
         Self {
             bound: tuning.gate.bound(),
             widened: Gate::widened(tuning),
-            rejections: vec![0; tuning.measurement_sd.len()],
+            rejected: vec![false; tuning.measurement_sd.len()],
+            doubt: vec![0; tuning.measurement_sd.len()],
         }
     }
 
     pub(crate) fn reset(&mut self) {
-        self.rejections.fill(0);
+        self.rejected.fill(false);
+        self.doubt.fill(0);
     }
 
     /// Whether an innovation of this variance passes.
@@ -121,21 +136,26 @@ impl Gatekeeper {
 
     /// Takes note of whether the reading of quantity `i` passed.
     pub(crate) fn note(&mut self, i: usize, passed: bool) {
-        self.rejections[i] = if passed { 0 } else { self.rejections[i] + 1 };
+        self.rejected[i] = !passed;
+        self.doubt[i] = match self.doubt[i] {
+            doubt if passed => doubt.saturating_sub(1),
+            // The widest covariance stays due as often as the others.
+            MOST_DOUBT => MOST_DOUBT - Gate::PATIENCE + 1,
+            doubt => doubt + 1,
+        };
     }
 
     /// Whether the last reading of quantity `i` was rejected.
     pub(crate) fn is_rejected(&self, i: usize) -> bool {
-        self.rejections[i] > 0
+        self.rejected[i]
     }
 
-    /// How often the standard deviations of the beginning are doubled to judge quantity `i` again;
-    /// `None` if that is not due.
+    /// How often the standard deviations are doubled to judge quantity `i` again, whose last reading
+    /// was rejected; `None` if that is not due.
     pub(crate) fn widening(&self, i: usize) -> Option<usize> {
-        let (times, rest) =
-            (self.rejections[i] / Gate::PATIENCE, self.rejections[i] % Gate::PATIENCE);
+        let (times, rest) = (self.doubt[i] / Gate::PATIENCE, self.doubt[i] % Gate::PATIENCE);
         let doublings = times.checked_sub(1)?.min(Gate::DOUBLINGS);
-        (rest == 0).then_some(doublings)
+        (self.rejected[i] && rest == 0).then_some(doublings)
     }
 
     /// The variance of entry `k` of z, of which the covariance says `variance`, widened.

@@ -1,7 +1,7 @@
 //! The covariance of a Kalman filter.
 
 use crate::EstimatorStatus;
-use crate::estimator::{variances, write_diagonal};
+use crate::estimator::{limit, variances, write_diagonal};
 use crate::gate::{Gatekeeper, Judgement};
 use crate::matrix::{add_scaled, dot, factor, multiply, propagate, solve_lower};
 use crate::{Correction, Tuning};
@@ -16,6 +16,8 @@ pub(crate) struct Kalman {
     /// Variances.
     q: Vec<f64>,
     r: Vec<f64>,
+    /// The most that a prediction leaves of each variance.
+    most: Vec<f64>,
     gate: Gatekeeper,
     p: Vec<f64>,
     /// P from before.
@@ -36,6 +38,7 @@ impl Kalman {
         let mut kalman = Self {
             q: variances(&tuning.process_sd),
             r: variances(&tuning.measurement_sd),
+            most: tuning.most_variance(),
             gate: Gatekeeper::new(tuning),
             p: vec![0.0; n * n],
             before: vec![0.0; n * n],
@@ -199,11 +202,12 @@ impl Kalman {
         rest * rest / s
     }
 
-    /// P = A P A' + Q. Nothing has happened if the status is another than updated.
+    /// P = A P A' + Q, within the largest variances. Nothing has happened if the status is another than updated.
     pub(crate) fn predict(&mut self, a: &[f64]) -> EstimatorStatus {
         let n = self.q.len();
         self.before.copy_from_slice(&self.p);
         propagate(a, &self.q, &mut self.p, &mut self.work);
+        limit(&self.most, &mut self.p);
         let status = if !all_finite(&self.p) {
             EstimatorStatus::NotFinite
         } else if !factor(&self.p, n, &mut self.work) {

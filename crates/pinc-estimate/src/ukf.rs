@@ -1,6 +1,6 @@
 //! The unscented Kalman filter.
 
-use crate::estimator::{variances, write_diagonal};
+use crate::estimator::{limit, variances, write_diagonal};
 use crate::gate::{Gatekeeper, Judgement};
 use crate::kalman::{mirror, subtract};
 use crate::matrix::{add_scaled, dot, factor, solve_lower};
@@ -48,6 +48,8 @@ pub struct Ukf {
     /// Variances.
     q: Vec<f64>,
     r: Vec<f64>,
+    /// The most that a prediction leaves of each variance.
+    most: Vec<f64>,
     gate: Gatekeeper,
     z: Vec<f64>,
     p: Vec<f64>,
@@ -121,6 +123,7 @@ impl Ukf {
             weights: Weights::new(nx),
             q: variances(&tuning.process_sd),
             r: variances(&tuning.measurement_sd),
+            most: tuning.most_variance(),
             gate: Gatekeeper::new(&tuning),
             z: vec![0.0; nx],
             p: vec![0.0; nx * nx],
@@ -425,6 +428,7 @@ impl Estimator for Ukf {
             }
             row[i] += self.q[i];
         }
+        limit(&self.most, new_p);
         let both = mean.iter().zip(&*middle);
         mean_z.iter_mut().zip(both).for_each(|(z, (mean, middle))| *z = mean + middle);
         match self.accept() {

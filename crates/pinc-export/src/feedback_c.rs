@@ -160,8 +160,16 @@ pub(crate) fn feedback_core(
     estimation: Estimation<'_>,
     dims: Dims,
 ) -> Result<Vec<GeneratedFile>, ExportError> {
-    let Tuning { initial_estimate, initial_sd, process_sd, measurement_sd, low, high, gate } =
-        estimation.tuning;
+    let Tuning {
+        initial_estimate,
+        initial_sd,
+        process_sd,
+        measurement_sd,
+        low,
+        high,
+        gate,
+        range: _,
+    } = estimation.tuning;
     let squared = |sd: &[f64]| sd.iter().map(|sd| sd * sd).collect::<Vec<_>>();
     let states = estimation.augmentation.disturbance.clone();
     let measured = estimation.measured(dims)?;
@@ -177,6 +185,12 @@ pub(crate) fn feedback_core(
     tables += &array("noise_variance", &squared(measurement_sd));
     tables += "/* Variances that a covariance is widened to when readings were rejected for too long. */\n";
     tables += &array("widened", &Gate::widened(estimation.tuning));
+    let most = estimation.tuning.most_variance();
+    let ranged = most.iter().any(|most| most.is_finite());
+    if ranged {
+        tables += "/* The most that a prediction leaves of each variance. */\n";
+        tables += &array("most_variance", &most);
+    }
     if bounded {
         tables += "/* Bounds on the estimate. */\n";
         tables += &array("low", &side(low, f64::NEG_INFINITY));
@@ -193,6 +207,7 @@ pub(crate) fn feedback_core(
         .set("NZ", initial_estimate.len())
         .set("GATE", format!("PINC_N({})", constant(gate.bound())))
         .set("HAS_BOUNDS", u8::from(bounded))
+        .set("HAS_RANGES", u8::from(ranged))
         .set("MEASURES_OUTPUTS", u8::from(estimation.measures_outputs()))
         .set("INCLUDE", if estimation.measures_outputs() { INCLUDE_OUTPUTS } else { "" })
         .set("TABLES", tables);

@@ -246,6 +246,9 @@ static void pinc_filter_predict(pinc_estimator *e, const PINC_REAL *u)
         }
         e->p[(i * PINC_NZ) + i] += pinc_process_variance[i];
     }
+#if PINC_HAS_RANGES
+    pinc_limit(e->p);
+#endif
     (void)pinc_accept(e);
     pinc_copy(e->z, e->next, PINC_NZ);
 }

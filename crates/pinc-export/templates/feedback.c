@@ -12,13 +12,16 @@
 #define PINC_ROUNDING PINC_PICK(1e-14, 1e-6)
 /* A pivot that is negative by more than this part of its diagonal entry is no rounding. */
 #define PINC_INDEFINITE PINC_PICK(1e-9, 1e-4)
-/* The bound on the normalized innovation squared of a reading; how many rejections in a row there are
-   before a reading is judged by a wider covariance, and how often its standard deviations double. */
+/* The bound on the normalized innovation squared of a reading; how many more rejections than passes
+   there are before a reading is judged by a wider covariance, and how often its standard deviations
+   double. */
 #define PINC_GATE @GATE@
 #define PINC_PATIENCE_OF_GATE 5
 #define PINC_DOUBLINGS 5
 /* Whether outputs are measured, not states alone. */
 #define PINC_MEASURES_OUTPUTS @MEASURES_OUTPUTS@
+/* Whether predictions leave no variance beyond what the range of a state allows. */
+#define PINC_HAS_RANGES @HAS_RANGES@
 
 @TABLES@
 /* The input given before the first step. */
@@ -115,6 +118,27 @@ static void pinc_clip(PINC_REAL *z)
 }
 #endif
 
+#if PINC_HAS_RANGES
+/* Scales a covariance so that no variance is beyond its limit. */
+static void pinc_limit(PINC_REAL *p)
+{
+    int i;
+    int k;
+    for (k = 0; k < PINC_NZ; k++) {
+        const PINC_REAL variance = p[(k * PINC_NZ) + k];
+        if (variance > pinc_most_variance[k]) {
+            const PINC_REAL factor = PINC_MATH(sqrt)(pinc_most_variance[k] / variance);
+            for (i = 0; i < PINC_NZ; i++) {
+                p[(k * PINC_NZ) + i] *= factor;
+            }
+            for (i = 0; i < PINC_NZ; i++) {
+                p[(i * PINC_NZ) + k] *= factor;
+            }
+        }
+    }
+}
+#endif
+
 /* ---- The innovation gate -------------------------------------------------------------------- */
 
 /* Whether an innovation of this variance passes; an infinite square is beyond any bound. */
@@ -130,14 +154,23 @@ static void pinc_note(pinc_estimator *e, int i, int passed)
     if (e->rejections[i] > (PINC_PATIENCE_OF_GATE * (PINC_DOUBLINGS + 2))) {
         e->rejections[i] -= PINC_PATIENCE_OF_GATE;
     }
+    if (passed != 0) {
+        e->doubt[i] -= (e->doubt[i] > 0) ? 1 : 0;
+    } else {
+        e->doubt[i]++;
+        if (e->doubt[i] > (PINC_PATIENCE_OF_GATE * (PINC_DOUBLINGS + 2))) {
+            e->doubt[i] -= PINC_PATIENCE_OF_GATE;
+        }
+    }
 }
 
-/* How often the standard deviations of the beginning are doubled to judge quantity i again; -1 if
-   that is not due. */
+/* How often the standard deviations are doubled to judge quantity i again, whose last reading was
+   rejected; -1 if that is not due. */
 static int pinc_widening(const pinc_estimator *e, int i)
 {
-    const int times = e->rejections[i] / PINC_PATIENCE_OF_GATE;
-    if ((times == 0) || ((e->rejections[i] % PINC_PATIENCE_OF_GATE) != 0)) {
+    const int times = e->doubt[i] / PINC_PATIENCE_OF_GATE;
+    if ((e->rejections[i] == 0) || (times == 0) ||
+        ((e->doubt[i] % PINC_PATIENCE_OF_GATE) != 0)) {
         return -1;
     }
     return (times > PINC_DOUBLINGS) ? PINC_DOUBLINGS : (times - 1);

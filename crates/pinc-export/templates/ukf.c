@@ -1,8 +1,9 @@
 /* ---- The unscented Kalman filter ------------------------------------------------------------ */
 
-/* How far the points are, squared and per entry of z: alpha^2. In single precision they are no
-   nearer than a standard deviation, or rounding would be all that is left of their differences. */
-#define PINC_ALPHA_2 PINC_PICK(1e-6, 1)
+/* How far the points are, squared and per entry of z: alpha^2. A mean takes rounding of the model
+   over alpha^2, for which single precision has no digits: there the points are farther away. Farther
+   still, points of a widened covariance would leave what the model is made for. */
+#define PINC_ALPHA_2 PINC_PICK(1e-6, 0.1)
 #define PINC_SPREAD_2 (PINC_ALPHA_2 * PINC_N(@NZ@))
 /* The weights of the outer points, and that of the middle one in covariances (beta = 2). */
 #define PINC_PAIR (PINC_N(0.5) / PINC_SPREAD_2)
@@ -334,5 +335,8 @@ static void pinc_filter_predict(pinc_estimator *e, const PINC_REAL *u)
         e->new_p[(i * PINC_NZ) + i] += pinc_process_variance[i];
         e->new_z[i] = e->mean[i] + e->middle[i];
     }
+#if PINC_HAS_RANGES
+    pinc_limit(e->new_p);
+#endif
     (void)pinc_accept(e);
 }

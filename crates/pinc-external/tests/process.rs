@@ -36,13 +36,14 @@ fn main() {
     }
 }
 
-const TESTS: [(&str, fn()); 6] = [
+const TESTS: [(&str, fn()); 7] = [
     ("an_unasked_line_between_numbered_answers_is_found", misplaced_answers_are_found),
     ("an_unasked_line_is_found_before_the_next_request", unasked_lines_are_found),
     ("a_batch_of_long_requests_is_answered_in_order", long_requests_are_answered),
     ("a_program_that_does_not_read_is_ended_in_time", one_that_does_not_read_is_ended),
     ("a_program_that_writes_before_it_reads_is_heard", one_that_writes_first_is_heard),
     ("a_program_that_ends_is_named", one_that_ends_is_named),
+    ("an_answer_after_the_time_limit_is_too_late", one_that_is_late_is_ended),
 ];
 
 /// Answers the requests on standard input with their states.
@@ -60,6 +61,7 @@ fn be_the_process(kind: &str) {
             let _ = (0..2000).try_for_each(|_| writeln!(output, "{line}"));
         }
         "ends" => return,
+        "late" => std::thread::sleep(Duration::from_secs(3)),
         _ => {}
     }
     for (number, line) in stdin().lock().lines().enumerate() {
@@ -125,6 +127,12 @@ fn one_that_writes_first_is_heard() {
 fn one_that_ends_is_named() {
     let error = ask("ends", LONG).unwrap_err().to_string();
     assert!(error.contains("ended without an answer"), "{error}");
+}
+
+fn one_that_is_late_is_ended() {
+    let error = ask("late", Duration::from_millis(200)).unwrap_err().to_string();
+    assert!(error.contains("did not answer within 0.2 s"), "{error}");
+    ask("late", LONG).unwrap();
 }
 
 fn misplaced_answers_are_found() {

@@ -50,3 +50,53 @@ fn sobol(i: usize, dimension: usize, seed: u64) -> f64 {
     let (i, dimension) = (number(i % (1 << 16)), number(dimension % DIMENSIONS));
     f64::from(sobol_burley::sample(i, dimension, scramble.wrapping_add(round)))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn spread(low: f64, high: f64) -> Vec<f64> {
+        let unknown = Unknown { name: "k".to_owned(), place: 0, initial: high, low, high };
+        (0..64).map(|i| point(std::iter::once(&unknown), i, 3)[0]).collect()
+    }
+
+    /// A quarter of the points is in each quarter of the range, as a Sobol sequence has it: of the
+    /// logarithm's where the bounds are positive and tenfold apart.
+    #[test]
+    fn wide_positive_ranges_are_spread_in_the_logarithm() {
+        for (low, high) in [(1e-3_f64, 10.0_f64), (2.0, 20.0)] {
+            for (quarter, expected) in [(1.0, 16), (2.0, 32), (3.0, 48), (4.0, 64)] {
+                let end = low * (high / low).powf(0.25 * quarter);
+                let below = spread(low, high).into_iter().filter(|value| *value < end).count();
+                assert_eq!(below, expected, "{low} to {high}");
+            }
+        }
+        for (low, high) in [(-1.0, 3.0), (0.0, 10.0), (2.0, 19.0)] {
+            for (quarter, expected) in [(1.0, 16), (2.0, 32), (3.0, 48), (4.0, 64)] {
+                let end = low + 0.25 * quarter * (high - low);
+                let below = spread(low, high).into_iter().filter(|value| *value < end).count();
+                assert_eq!(below, expected, "{low} to {high}");
+            }
+        }
+    }
+
+    /// A bound that is infinite is ten times the start, or 1.
+    #[test]
+    fn infinite_bounds_are_ten_times_the_start() {
+        let range = |initial: f64, low: f64, high: f64| {
+            Unknown { name: "k".to_owned(), place: 0, initial, low, high }.range()
+        };
+        let infinity = f64::INFINITY;
+        for (found, expected) in [
+            (range(-3.0, -infinity, infinity), (-30.0, 30.0)),
+            (range(0.0, -infinity, infinity), (-1.0, 1.0)),
+            (range(2.0, 1.0, infinity), (1.0, 20.0)),
+            (range(2.0, -infinity, 5.0), (-20.0, 5.0)),
+        ] {
+            assert!(
+                (found.0 - expected.0).abs() + (found.1 - expected.1).abs() < 1e-12,
+                "{found:?}"
+            );
+        }
+    }
+}

@@ -30,7 +30,7 @@ enum LoopFinding {
         /// The unit in which to show when.
         time_unit: Option<TimeUnit>,
     },
-    /// A controlled quantity did not come to some of its references.
+    /// A controlled quantity did not reach some of its references.
     NotReached {
         /// The model in the controller.
         model: ModelKind,
@@ -184,7 +184,7 @@ impl LoopFinding {
                         TimeUnit::shown(*start_s, *time_unit)
                     ),
                 };
-                format!("With {} {quantity} does not come to {which}", model.title())
+                format!("With {} {quantity} does not reach {which}", model.title())
             }
             Self::Estimator { model, finding } => format!("With {} {finding}", model.title()),
         }
@@ -360,6 +360,11 @@ mod tests {
               tighten the bound by as much."
             ]
         );
+        // What the optimizer's tolerance leaves at the ends, 1e-4 of the quantity, is between them.
+        for (at_steps, said) in [(3.9e-4, "between control steps"), (4.1e-4, "at control steps")] {
+            let note = &notes(&[broken(0.046, at_steps, true)])[0];
+            assert!(note.contains(said), "{at_steps}: {note}");
+        }
         let at_steps =
             notes(&[ViolationMetrics { side: "low".to_owned(), ..broken(0.046, 0.04, true) }]);
         assert!(at_steps[0].contains("at control steps: it was 0.0460 V below"), "{at_steps:?}");

@@ -143,3 +143,27 @@ fn caption(table: &PredictionTable) -> String {
     }
     format!("{caption} From {}.", file::PREDICTION)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use pinc_record::PredictionRow;
+
+    #[test]
+    fn an_error_is_of_its_state_without_a_sign() {
+        let row = |t: f64, state: [f64; 2], truth: [f64; 2]| PredictionRow {
+            t,
+            input: vec![0.0],
+            state: state.to_vec(),
+            truth: truth.to_vec(),
+            mark: false,
+        };
+        let table = PredictionTable {
+            inputs: vec!["u".to_owned()],
+            states: vec!["a".to_owned(), "b".to_owned()],
+            rows: vec![row(0.0, [1.0, 5.0], [1.5, 5.25]), row(2.0, [3.0, -1.0], [2.0, 1.0])],
+        };
+        assert_eq!(errors(&table, 0), [(0.0, 0.5), (2.0, 1.0)]);
+        assert_eq!(errors(&table, 1), [(0.0, 0.25), (2.0, 2.0)]);
+    }
+}

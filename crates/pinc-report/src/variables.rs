@@ -141,3 +141,19 @@ fn fit(ranges: &[(f64, f64)], new: (f64, f64)) -> bool {
     let mut spreads = ranges.iter().chain([&new]).map(|(low, high)| high - low);
     spreads.all(|spread| spread >= READABLE * height || spread <= EQUAL * height)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Curves share a panel where each takes up 4 % of what all take together, wherever that is.
+    #[test]
+    fn curves_that_can_be_read_together_fit() {
+        assert!(fit(&[(100.0, 110.0)], (104.0, 104.5)));
+        assert!(fit(&[(100.0, 110.0)], (95.0, 95.7)));
+        assert!(!fit(&[(100.0, 110.0)], (90.0, 90.7)));
+        assert!(!fit(&[(100.0, 100.3)], (90.0, 100.0)));
+        // A constant is no curve.
+        assert!(fit(&[(100.0, 110.0)], (105.0, 105.0)));
+    }
+}

@@ -368,13 +368,9 @@ impl LoopSetup<'_> {
 
     /// The range of a controlled state between its bounds; 0 without both of them.
     fn bounded_range(&self, i: usize) -> f64 {
-        let (Some(low), Some(high)) = (&self.spec.state_low, &self.spec.state_high) else {
-            return 0.0;
-        };
         let name = &self.spec.controlled[i];
         let place = self.truth.states().iter().position(|state| state.name == *name);
-        let range = place.map_or(0.0, |place| high[place] - low[place]);
-        if range.is_finite() { range } else { 0.0 }
+        place.and_then(|place| self.spec.state_ranges().get(place).copied()).unwrap_or(0.0)
     }
 
     /// The bounds that the plant broke.

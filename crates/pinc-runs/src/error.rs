@@ -47,6 +47,15 @@ pub enum RunError {
         /// How each loop ended.
         reasons: String,
     },
+    /// The C compiler that makes the binary of an FMU is missing or failed.
+    #[error(
+        "export: the FMU was not written, since the C compiler `cc` made no binary for it: \
+        {reason}. Install one, as the package `gcc`"
+    )]
+    NoBinary {
+        /// What the system or the compiler says.
+        reason: String,
+    },
     /// Something that cannot be exported.
     #[error("export: {0}")]
     Export(#[from] ExportError),

@@ -100,7 +100,7 @@ pub fn estimate(
     let measurement = spec.measurement.clone().unwrap_or_default();
     let augmentation = setup.augmentation(estimator, &measurement, &*plant);
     let model = setup.model(kind, &*plant)?;
-    let mut filter = feedback::estimator(estimator, &augmentation, model, None)?;
+    let mut filter = feedback::estimator((spec, estimator), &augmentation, model, None)?;
     let names = estimator.names(&measurement, &variables);
     let measured = measurement.names(&variables);
     let text = read_file(data)?;

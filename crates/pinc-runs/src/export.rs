@@ -201,7 +201,7 @@ impl Estimating {
         let first = unknowns.len() - parameters.1.len();
         let initial = parameters.1.iter().map(|&place| parameters.0[place]);
         unknowns[first..].iter_mut().zip(initial).for_each(|(to, value)| *to = value);
-        Ok(Some(Self { filter, augmentation, tuning: spec.tuning(), unknowns }))
+        Ok(Some(Self { filter, augmentation, tuning: spec.tuning(chosen.spec), unknowns }))
     }
 
     fn estimation(&self) -> Estimation<'_> {

@@ -2,7 +2,9 @@
 
 use super::control::LoopSetup;
 use crate::RunError;
-use pinc_config::{EstimatorKind, EstimatorSpec, MeasurementSpec, ModelKind, Variables};
+use pinc_config::{
+    ControlSpec, EstimatorKind, EstimatorSpec, MeasurementSpec, ModelKind, Variables,
+};
 use pinc_estimate::{
     Augmentation, Augmented, Ekf, Estimator, EstimatorStatus, History, Mhe, OutputFeedback, Ukf,
 };
@@ -64,16 +66,16 @@ impl TimedFeedback {
     }
 }
 
-/// An estimator of `spec` with the model `model`, at a plant that has been given `initial_input` so
-/// far, or 0.
+/// An estimator of `spec` in the loop of `control`, with the model `model`, at a plant that has been
+/// given `initial_input` so far, or 0.
 pub(super) fn estimator(
-    spec: &EstimatorSpec,
+    (control, spec): (&ControlSpec, &EstimatorSpec),
     augmentation: &Augmentation,
     model: Box<dyn Model>,
     initial_input: Option<&[f64]>,
 ) -> Result<Box<dyn Estimator>, RunError> {
     let model = Box::new(Augmented::new(model, augmentation.clone())?);
-    let tuning = spec.tuning();
+    let tuning = spec.tuning(control);
     let mut estimator: Box<dyn Estimator> = match spec.kind {
         EstimatorKind::Ukf => Box::new(Ukf::new(model, tuning)?),
         EstimatorKind::Mhe => Box::new(Mhe::new(model, tuning, spec.window.unwrap_or(1))?),
@@ -112,7 +114,8 @@ impl LoopSetup<'_> {
         let Some((spec, measurement)) = self.sections() else { return Ok(None) };
         let augmentation = self.augmentation(spec, &measurement, plant);
         let model = self.model(kind, plant)?;
-        let estimator = estimator(spec, &augmentation, model, self.spec.initial_input.as_deref())?;
+        let initial_input = self.spec.initial_input.as_deref();
+        let estimator = estimator((self.spec, spec), &augmentation, model, initial_input)?;
         let steps = pinc_config::steps(self.spec.duration_s, self.sample_time_s);
         let noise = self.noise(&measurement, steps);
         let feedback = OutputFeedback::new(estimator, augmentation, noise);

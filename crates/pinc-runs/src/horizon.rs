@@ -68,7 +68,8 @@ impl LoopSetup<'_> {
     ) -> Result<(Nmpc, Option<SharedLog>), RunError> {
         let (mut problem, mut augmentation) = (self.problem(), None);
         if let Some((estimator, measurement)) = self.sections() {
-            let unknown = estimator.tuning().initial_estimate.split_off(plant.states().len());
+            let unknown =
+                estimator.tuning(self.spec).initial_estimate.split_off(plant.states().len());
             problem = NmpcProblem { parameters: unknown, ..problem };
             augmentation = Some(self.augmentation(estimator, &measurement, plant));
         }

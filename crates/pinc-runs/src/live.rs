@@ -387,7 +387,7 @@ impl LiveEstimator {
         let names = spec.names(&measurement, &variables).split_off(plant.states().len());
         Ok(Some(Self {
             estimator: feedback::estimator(
-                spec,
+                (setup.spec, spec),
                 &augmentation,
                 model,
                 setup.spec.initial_input.as_deref(),

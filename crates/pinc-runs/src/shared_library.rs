@@ -9,14 +9,19 @@ use std::process::Command;
 /// Whether this machine is one that binaries are made for.
 const KNOWN: bool = cfg!(all(target_os = "linux", target_arch = "x86_64"));
 
-/// The shared library of the C files among the content of an FMU; none on other machines, and where
-/// there is no compiler `cc`: the FMU then has its sources only.
+/// The shared library of the C files among the content of an FMU; none on other machines, where the
+/// FMU has its sources only.
+///
+/// # Errors
+///
+/// [`RunError::NoBinary`] if there is no compiler `cc`, or it fails.
 pub(super) fn shared_library(
     content: &[GeneratedFile],
     name: &Name,
     version: FmiVersion,
 ) -> Result<Option<GeneratedFile>, RunError> {
     if !KNOWN {
+        tracing::warn!("the FMU has sources only: binaries are made on 64-bit Linux");
         return Ok(None);
     }
     let platform = match version {
@@ -37,9 +42,11 @@ pub(super) fn shared_library(
     }
     let binary = format!("{}.so", name.as_str());
     let ended = command.args(["-lm", "-o", &binary]).current_dir(dir).output();
-    if !ended.is_ok_and(|output| output.status.success()) {
-        tracing::warn!("no binary in the FMU: the C compiler `cc` is missing or failed");
-        return Ok(None);
+    let output = ended.map_err(|error| RunError::NoBinary { reason: error.to_string() })?;
+    if !output.status.success() {
+        let said = String::from_utf8_lossy(&output.stderr);
+        let first = said.lines().find(|line| line.contains("error")).unwrap_or_default();
+        return Err(RunError::NoBinary { reason: format!("{}: {first}", output.status) });
     }
     let bytes = read_file(&dir.join(&binary))?;
     Ok(Some(GeneratedFile { path: format!("binaries/{platform}/{binary}"), bytes }))

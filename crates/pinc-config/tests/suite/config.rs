@@ -339,3 +339,38 @@ fn names_and_units_have_no_control_characters() {
     let error = parse(&text, &[]).unwrap_err();
     assert!(error.contains("`control.plant.expression.inputs[0].unit`"), "{error}");
 }
+
+/// A number that is none is refused with the file's line and its key, before a loop begins with it.
+#[test]
+fn an_initial_input_is_finite() {
+    for (value, said) in [("nan", "NaN"), ("inf", "inf"), ("-inf", "-inf")] {
+        let text = LAYERED.replace("q = [1.0]", &format!("initial_input = [{value}]\nq = [1.0]"));
+        let error = parse(&text, &[]).unwrap_err();
+        for part in ["test.toml", "control.initial_input[0]", said, "expected a finite number"] {
+            assert!(error.contains(part), "no {part} in {error}");
+        }
+    }
+    let set = parse(LAYERED, &["control.initial_input=[nan]"]).unwrap_err();
+    assert!(set.contains("control.initial_input[0]") && set.contains("finite"), "{set}");
+}
+
+/// A list of runs is no experiment, and says so instead of asking for a preset.
+#[test]
+fn a_list_of_runs_is_no_experiment() {
+    let list = "name = \"all\"\n\nruns = [{ config = \"one.toml\" }]\n";
+    let error = parse(list, &[]).unwrap_err();
+    for part in ["test.toml:3", "runs", "a list of runs given, expected an experiment"] {
+        assert!(error.contains(part), "no {part} in {error}");
+    }
+    assert!(!error.contains("preset"), "{error}");
+}
+
+/// A limit is the most that is allowed.
+#[test]
+fn a_phase_may_have_as_many_iterations_as_the_limit() {
+    let text = read("configs/smoke/van-der-pol.toml");
+    let iterations = |count: u64| parse(&text, &[&format!("training.phases.0.iterations={count}")]);
+    assert!(iterations(10_000_000).is_ok());
+    let error = iterations(10_000_001).unwrap_err();
+    assert!(error.contains("10000001 given, expected 10000000 at most"), "{error}");
+}

@@ -6,7 +6,8 @@ use pinc_estimate::Gate;
 fn gate(set: &str) -> Result<Gate, String> {
     let tanks = read("configs/estimation/tanks.toml");
     let experiment = parse(&tanks, &[set])?;
-    Ok(experiment.control.unwrap().estimator.unwrap().tuning().gate)
+    let control = experiment.control.unwrap();
+    Ok(control.estimator.as_ref().unwrap().tuning(&control).gate)
 }
 
 #[test]
@@ -41,4 +42,23 @@ fn a_gate_in_a_file_is_refused_with_its_place() {
         assert!(error.contains("test.toml") && error.contains("gate"), "{error}");
         assert!(error.contains(said), "{error}");
     }
+}
+
+/// A state moves between its bounds in the loop; without both of them, nothing is known.
+#[test]
+fn ranges_are_those_of_the_loops_bounds() {
+    let tanks = read("configs/estimation/tanks.toml");
+    let range = |sets: &[&str]| {
+        let control = parse(&tanks, sets).unwrap().control.unwrap();
+        control.estimator.as_ref().unwrap().tuning(&control).range
+    };
+    let (low, high) = ("control.state_low=[-1, 0, 2, 1]", "control.state_high=[3, 4, 2.5, 1]");
+    assert_eq!(range(&[low, high]), [4.0, 4.0, 0.5, 0.0]);
+    let control = parse(&tanks, &[]).unwrap().control.unwrap();
+    let mut one_sided = control.clone();
+    one_sided.state_high = Some(vec![20.0, f64::INFINITY, 20.0, 20.0]);
+    one_sided.state_low = Some(vec![2.0, 2.0, f64::NEG_INFINITY, 5.0]);
+    assert_eq!(one_sided.state_ranges(), [18.0, 0.0, 0.0, 15.0]);
+    one_sided.state_low = None;
+    assert!(one_sided.state_ranges().is_empty());
 }

@@ -1,7 +1,12 @@
 //! Wild, stuck and jumping readings.
 
 use super::support::{Case, oscillator, tanks};
-use pinc_estimate::{Ekf, Estimator, EstimatorStatus, Gate, Mhe, Tuning, Ukf};
+use pinc_estimate::{
+    Augmentation, Augmented, Disturbance, Ekf, Estimator, EstimatorStatus, Gate, Measured, Mhe,
+    Tuning, Ukf,
+};
+use pinc_ode::{Model, Rk4};
+use pinc_plants::VanDerPol;
 
 fn estimators(case: &Case, tuning: &Tuning) -> [Box<dyn Estimator>; 3] {
     [
@@ -122,4 +127,156 @@ fn a_gate_without_a_width_is_refused() {
         let error = Ekf::new(case.model(), tuning).unwrap_err().to_string();
         assert!(error.starts_with("gate is ") && error.ends_with("positive and finite"), "{error}");
     }
+}
+
+/// A reading that passes takes back one rejection, not all.
+#[test]
+fn rejections_count_beyond_a_reading_that_passes() {
+    let case = tanks();
+    let tuning = Tuning { initial_sd: vec![1.0; 4], ..case.tuning.clone() };
+    for mut estimator in estimators(&case, &tuning) {
+        let off = [100, 101, 103, 104, 106, 107, 108];
+        let found = run(&case, estimator.as_mut(), &|k, y| {
+            if off.contains(&k) {
+                y[0] += 20.0;
+            }
+        });
+        for (k, row) in found.iter().enumerate().take(109).skip(100) {
+            let expected = match k {
+                108 => EstimatorStatus::Reacquired,
+                _ if off.contains(&k) => EstimatorStatus::Rejected,
+                _ => EstimatorStatus::Updated,
+            };
+            assert_eq!(row.1, expected, "{k}");
+        }
+    }
+}
+
+/// The first covariance that a reading is judged by again is the widest of that of the beginning,
+/// that of a step and that of the range.
+#[test]
+fn a_covariance_is_widened_to_the_range() {
+    let tuning = Tuning {
+        initial_sd: vec![0.5, 0.1, 0.1, 0.5],
+        process_sd: vec![0.2, 0.3, 0.2, 0.6],
+        range: vec![9.0, 6.0, 12.0],
+        gate: Gate::Sd(30.0),
+        ..Tuning::default()
+    };
+    for (found, expected) in Gate::widened(&tuning).iter().zip([0.25, 0.09, 0.16, 0.36]) {
+        assert!((found - expected).abs() < 1e-12, "{found} {expected}");
+    }
+    let off = Tuning { gate: Gate::Off, ..tuning };
+    assert!((Gate::widened(&off)[2] - 0.04).abs() < 1e-12);
+}
+
+/// The controlled oscillator with a disturbed input, whose estimators trust themselves too much.
+fn lost(range: Vec<f64>) -> ([Box<dyn Estimator>; 3], Tuning) {
+    let measured = Augmentation::measured(Measured::states([0]));
+    let augmentation = Augmentation { disturbance: Disturbance::Input, ..measured };
+    let tuning = Tuning {
+        initial_estimate: vec![1.0, 0.0, 0.0],
+        initial_sd: vec![0.001, 0.001, 0.5],
+        process_sd: vec![0.001, 0.001, 0.1],
+        measurement_sd: vec![0.001],
+        range,
+        ..Tuning::default()
+    };
+    let model = || Box::new(Augmented::new(plant(), augmentation.clone()).unwrap());
+    let estimators: [Box<dyn Estimator>; 3] = [
+        Box::new(Ekf::new(model(), tuning.clone()).unwrap()),
+        Box::new(Ukf::new(model(), tuning.clone()).unwrap()),
+        Box::new(Mhe::new(model(), tuning.clone(), 10).unwrap()),
+    ];
+    (estimators, tuning)
+}
+
+fn plant() -> Box<Rk4<VanDerPol>> {
+    Box::new(Rk4::new(VanDerPol::default(), 0.5, 4))
+}
+
+/// How far the estimate is off `after` steps after a fault of `length` steps that `read` makes of the
+/// plant's position and the last one that was read well.
+fn off_after(
+    estimator: &mut dyn Estimator,
+    (begin, length, after): (u32, u32, u32),
+    read: &dyn Fn(f64, f64) -> f64,
+) -> f64 {
+    estimator.reset();
+    let (mut plant, mut x, mut next, mut last) = (plant(), vec![1.0, 0.0], vec![0.0; 2], 0.0);
+    for k in 0..begin + length + after {
+        if k < begin {
+            last = x[0];
+        }
+        let is_faulty = (begin..begin + length).contains(&k);
+        estimator.correct(&[if is_faulty { read(x[0], last) } else { x[0] }]);
+        let u = (0.25 * f64::from(k)).sin();
+        estimator.predict(&[u]);
+        plant.step(&x, &[u - 0.15], &[], &mut next);
+        x.copy_from_slice(&next);
+    }
+    (estimator.estimate()[0] - x[0]).abs()
+}
+
+/// After a sensor froze while the oscillator moved on, estimators that trust themselves too much are
+/// back at the plant.
+#[test]
+fn a_lost_estimate_finds_the_plant_again() {
+    for mut estimator in lost(vec![2.0, 2.0]).0 {
+        for begin in [13, 16, 46, 49] {
+            let off = off_after(estimator.as_mut(), (begin, 50, 35), &|_, last| last);
+            assert!(off < 0.01, "{begin}: {off}");
+        }
+    }
+}
+
+/// So they are after readings were missing or wild for so long that a covariance without a limit
+/// would have left the finite numbers.
+#[test]
+fn an_estimate_without_readings_finds_the_plant_again() {
+    for mut estimator in lost(vec![2.0, 2.0]).0 {
+        for wild in [f64::NAN, 4095.0, 1e308] {
+            let off = off_after(estimator.as_mut(), (20, 40, 12), &|_, _| wild);
+            assert!(off < 0.01, "{wild}: {off}");
+        }
+    }
+}
+
+/// A prediction leaves no standard deviation beyond a range, and correlations as they are.
+#[test]
+fn no_prediction_leaves_more_than_the_range() {
+    let (free, _) = lost(Vec::new());
+    let (limited, tuning) = lost(vec![0.2, 0.3]);
+    let most = tuning.most_variance();
+    assert!((most[0] - 0.04).abs() < 1e-15 && (most[1] - 0.09).abs() < 1e-15, "{most:?}");
+    assert!(most[2].is_infinite());
+    for (mut free, mut limited) in free.into_iter().zip(limited) {
+        for k in 0..40 {
+            for estimator in [&mut free, &mut limited] {
+                estimator.predict(&[0.0]);
+            }
+            let (p, q) = (free.covariance(), limited.covariance());
+            let is_wide = p[0] > most[0];
+            assert!(q[0] <= most[0] * (1.0 + 1e-12) && q[4] <= most[1] * (1.0 + 1e-12), "{k}");
+            if is_wide {
+                // This is the first step that is limited.
+                let factors = [(most[0] / p[0]).sqrt(), (most[1] / p[4]).sqrt().min(1.0), 1.0];
+                for i in 0..9 {
+                    let expected = p[i] * factors[i / 3] * factors[i % 3];
+                    assert!((q[i] - expected).abs() < 1e-9 * expected.abs(), "{k}, {i}: {q:?}");
+                }
+                break;
+            }
+        }
+        assert!(limited.covariance()[0] > 0.039, "{:?}", limited.covariance());
+    }
+    let wide = Tuning {
+        initial_sd: vec![3.0, 0.1, 0.5],
+        process_sd: vec![0.001, 4.0, 0.1],
+        range: vec![2.0, 2.0, 0.0],
+        ..tuning
+    };
+    let most = wide.most_variance();
+    assert!((most[0] - 9.0).abs() < 1e-12 && (most[1] - 16.0).abs() < 1e-12, "{most:?}");
+    assert!(most[2].is_infinite());
 }

@@ -7,3 +7,4 @@ mod models;
 mod moving_horizon;
 mod recorded;
 mod support;
+mod widening;

@@ -159,6 +159,57 @@ fn derivatives_are_those_of_the_values() {
     }
 }
 
+/// At several points at once, each with its own disturbances and parameters, models give what they
+/// give at each: their steps, and the derivatives there.
+#[test]
+fn points_are_linearized_each_by_itself() {
+    for augmentation in augmentations() {
+        let mut compensated = Compensated::new(spring(), augmentation.clone()).unwrap();
+        let np = compensated.dims().np;
+        let x = [0.7, -0.4, -1.1, 0.2, 0.3, 0.9];
+        let u = [0.3, -0.6, 0.1];
+        let w: Vec<f64> = [[0.21, -0.13], [-0.4, 0.35], [0.05, 0.5]]
+            .iter()
+            .zip([1.4, 0.6, 2.3])
+            .fold(Vec::new(), |all, (disturbances, stiffness)| {
+                [&all, &disturbances[..np - 1], &[stiffness]].concat()
+            });
+        assert_each_point(&mut compensated, Stages { x: &x, u: &u, p: &w });
+        let z: Vec<f64> =
+            x.chunks(2).zip(w.chunks(np)).flat_map(|(x, w)| [x, w].concat()).collect();
+        let mut augmented = Augmented::new(spring(), augmentation).unwrap();
+        assert_each_point(&mut augmented, Stages { x: &z, u: &u, p: &[] });
+    }
+}
+
+/// Compares a linearization at several points with those at each, and its steps with steps.
+fn assert_each_point(model: &mut dyn Model, at: Stages<'_>) {
+    let (dims, count) = (model.dims(), at.count(model.dims()));
+    let mut all = LinearizationBuffer::new(dims, count);
+    model.linearize(at, all.as_mut());
+    let part = |all: &[f64], k: usize| {
+        let width = all.len() / count;
+        all[k * width..(k + 1) * width].to_vec()
+    };
+    for k in 0..count {
+        let point = at.point(k, dims);
+        let mut next = vec![0.0; dims.nx];
+        model.step(point.x, point.u, point.p, &mut next);
+        let mut one = LinearizationBuffer::new(dims, 1);
+        model.linearize(point, one.as_mut());
+        for (found, expected) in [
+            (part(&all.next, k), &next),
+            (part(&all.a, k), &one.a),
+            (part(&all.b, k), &one.b),
+            (part(&all.e, k), &one.e),
+        ] {
+            for (found, expected) in found.iter().zip(expected) {
+                assert!((found - expected).abs() < 1e-12, "point {k}: {found} {expected}");
+            }
+        }
+    }
+}
+
 #[test]
 fn what_does_not_fit_is_refused() {
     let tanks = || Box::new(Rk4::new(FourTanks::antonelo(), 10.0, 4));

@@ -82,6 +82,7 @@ pub(crate) fn tanks(disturbance: Disturbance, delay: usize) -> Parts {
         low: with([7.0, 7.0, 1.8, 0.5], -0.3),
         high: with([14.0, 14.0, 4.0, 4.0], 0.3),
         gate: Gate::Sd(8.0),
+        range: vec![6.0; 4],
     };
     (case, augmentation, tuning)
 }
@@ -232,9 +233,10 @@ fn compare(filter: Filter, parts: &Parts) -> usize {
             *worst = worst.max((found - expected).abs());
         }
     }
-    // For the unscented filter see above, for numbers up to 20 and models that are off by 4 ulps;
-    // the controllers' gains are up to 4.
-    let allowed = if filter == Filter::Unscented { [8e-8, 2e-8] } else { [1e-8; 2] };
+    // For the unscented filter see above, for numbers up to 20 and models that are off by 4 ulps:
+    // 2e-8. After its covariance was widened, gains of what is not measured are up to 5; the
+    // controllers' gains are up to 4.
+    let allowed = if filter == Filter::Unscented { [4e-7, 1e-7] } else { [1e-8; 2] };
     assert!(worst[0] < allowed[0] && worst[1] < allowed[1], "inputs, estimates: {worst:?}");
     assert!(missing > steps / 100, "{missing} steps without a measurement");
     assert!(rejected > 3 && reacquired > 0, "{rejected} rejected, {reacquired} reacquired");

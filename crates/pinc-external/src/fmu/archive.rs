@@ -70,3 +70,61 @@ fn write(dir: &Path, name: &str, content: &[u8]) -> Result<(), String> {
     path.parent().map_or(Ok(()), fs::create_dir_all).map_err(failed)?;
     fs::write(&path, content).map_err(failed)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const NAME: &str = "resources/a";
+
+    /// An archive with one deflated file of the text, which it says is so long.
+    fn archive(text: &[u8], said: u32) -> Vec<u8> {
+        let length = u16::try_from(text.len()).unwrap();
+        // One block that is stored.
+        let mut packed = vec![1];
+        packed.extend(length.to_le_bytes());
+        packed.extend((!length).to_le_bytes());
+        packed.extend(text);
+        let mut sizes = u32::try_from(packed.len()).unwrap().to_le_bytes().to_vec();
+        sizes.extend(said.to_le_bytes());
+        let name = u16::try_from(NAME.len()).unwrap().to_le_bytes();
+        let mut bytes = b"PK\x03\x04\x14\0\0\0\x08\0".to_vec();
+        bytes.extend([0; 8]);
+        bytes.extend(&sizes);
+        bytes.extend(name);
+        bytes.extend([0; 2]);
+        bytes.extend(NAME.as_bytes());
+        bytes.extend(&packed);
+        let entry = u32::try_from(bytes.len()).unwrap();
+        bytes.extend(ENTRY);
+        bytes.extend(b"\x14\0\x14\0\0\0\x08\0");
+        bytes.extend([0; 8]);
+        bytes.extend(&sizes);
+        bytes.extend(name);
+        bytes.extend([0; 16]);
+        bytes.extend(NAME.as_bytes());
+        bytes.extend(END);
+        bytes.extend([0, 0, 0, 0, 1, 0, 1, 0]);
+        bytes.extend([0; 4]);
+        bytes.extend(entry.to_le_bytes());
+        bytes.extend([0; 2]);
+        bytes
+    }
+
+    /// What a file says of its size is kept, and all together is limited.
+    #[test]
+    fn nothing_unpacks_to_more_than_it_says_or_may() {
+        let dir = tempfile::tempdir().unwrap();
+        let text = [b'a'; 1000];
+        unpack(&archive(&text, 1000), dir.path()).unwrap();
+        assert_eq!(fs::read(dir.path().join(NAME)).unwrap(), text);
+        let error = unpack(&archive(&text, 999), dir.path()).unwrap_err();
+        assert_eq!(error, "it is no ZIP file, or damaged");
+        // A stored block takes five bytes more than the file.
+        assert!(unpack_within(&archive(&text, 1000), dir.path(), 1005).is_ok());
+        assert!(unpack_within(&archive(&text, 1000), dir.path(), 1004).is_err());
+        unpack(&archive(&text, 1 << 31), dir.path()).unwrap();
+        let error = unpack(&archive(&text, (1 << 31) + 1), dir.path()).unwrap_err();
+        assert_eq!(error, "it unpacks to more than 2048 MiB");
+    }
+}

@@ -189,6 +189,37 @@ fn an_applied_input_is_under_way() {
     assert!((found - expected).abs() < 1e-9, "{found} {expected}");
 }
 
+/// Of two inputs under way the one applied takes the place of the later: the earlier acts first.
+#[test]
+fn an_applied_input_is_the_last_under_way() {
+    let (a, b, q, r) = (1.1, 0.5, 2.0, 3.0);
+    let problem = NmpcProblem { delay: 2, ..scalar_problem(1, 1) };
+    let model = Box::new(Linear::scalar(a, b));
+    let mut nmpc = Nmpc::new(problem, model, SqpConfig::default()).unwrap();
+    nmpc.reset_input(&[0.7]).unwrap();
+    nmpc.set_applied_input(&[-0.6]).unwrap();
+    let found = nmpc.step(&[1.1], &[0.3]).unwrap().u[0];
+    let start = a * (a * 1.1 + b * 0.7) - b * 0.6;
+    let expected = (q * b * (0.3 - a * start) - r * 0.6) / (q * b * b + r);
+    assert!((found - expected).abs() < 1e-9, "{found} {expected}");
+}
+
+/// A held input is under way as it was held: within its bounds.
+#[test]
+fn a_held_input_is_under_way_within_its_bounds() {
+    let (a, b, q, r) = (1.1, 0.5, 2.0, 3.0);
+    let input_bounds = Bounds::new(vec![-0.5], vec![0.5]);
+    let problem = NmpcProblem { delay: 1, input_bounds, ..scalar_problem(1, 1) };
+    let model = Box::new(Linear::scalar(a, b));
+    let mut nmpc = Nmpc::new(problem, model, SqpConfig::default()).unwrap();
+    nmpc.reset_input(&[3.0]).unwrap();
+    assert_eq!(nmpc.step(&[f64::NAN], &[0.2]).unwrap().u, [0.5]);
+    let found = nmpc.step(&[0.1], &[0.2]).unwrap().u[0];
+    let start = a * 0.1 + b * 0.5;
+    let expected = (q * b * (0.2 - a * start) + r * 0.5) / (q * b * b + r);
+    assert!((found - expected).abs() < 1e-9 && found.abs() < 0.5, "{found} {expected}");
+}
+
 /// In a real-time iteration the plan of rest is prepared before anything is measured, and an input
 /// that is set after that is counted from all the same.
 #[test]

@@ -3,6 +3,7 @@
 
 mod agreement;
 mod applied_input;
+mod broken_bounds;
 mod closed_loop;
 mod deadlines;
 mod failures;

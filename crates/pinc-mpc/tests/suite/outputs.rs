@@ -117,8 +117,11 @@ fn a_tracked_sum_is_a_full_weight_of_states() {
         let mut sum = Nmpc::new(sum.clone(), Box::new(model), config(qp)).unwrap();
         let mut x = [1.0, -2.0];
         for r in [1.5, 1.5, -0.5, -0.5, 0.0] {
-            let expected = states.step(&x, &[r, 0.0].repeat(5)).unwrap().u[0];
-            let step = sum.step(&x, &[r; 5]).unwrap();
+            // Each stage has its own.
+            let reference = [1.0, -0.4, 0.7, 0.2, -1.1].map(|part| r + part);
+            let rows: Vec<f64> = reference.iter().flat_map(|r| [*r, 0.0]).collect();
+            let expected = states.step(&x, &rows).unwrap().u[0];
+            let step = sum.step(&x, &reference).unwrap();
             assert_eq!((step.status, step.sqp_iterations), (SqpStatus::Converged, 1), "{qp}");
             assert!((step.u[0] - expected).abs() < 1e-6, "{qp}: {} {expected}", step.u[0]);
             let u = step.u[0];

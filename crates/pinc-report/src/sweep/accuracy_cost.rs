@@ -117,10 +117,15 @@ fn steps(entries: &[Entry]) -> Picture {
     }
 }
 
+/// By how much an IAE differs from `truth` in %, as far as a logarithmic axis shows it.
+fn off_percent(iae: f64, truth: f64) -> f64 {
+    (100.0 * (iae / truth - 1.0)).abs().max(LEAST_SHOWN)
+}
+
 fn loops(run: &Run, entries: &[Entry]) -> Picture {
     let x = || Axis::new("controller's time per step (µs)", Kind::Log);
     let truth = iae_of_most_exact(entries);
-    let off = |e: &Entry| (100.0 * (e.iae / truth - 1.0)).abs().max(LEAST_SHOWN);
+    let off = |e: &Entry| off_percent(e.iae, truth);
     let mut iae = Panel::new("Tracking", Axis::new("IAE off by (%)", Kind::Log), 300.0);
     add(&mut iae, entries, &|e| (e.step_us, off(e)));
     let violations = || entries.iter().map(|e| e.violation).filter(|v| *v > 0.0);
@@ -325,6 +330,14 @@ mod tests {
             violation: 0.0,
             step_us: 1e-3 * ns,
             training_s: None,
+        }
+    }
+
+    #[test]
+    fn loops_are_off_by_per_cent_of_the_most_exact() {
+        for (iae, expected) in [(2.2, 10.0), (1.9, 5.0), (2.0, 1e-3), (2.000_000_1, 1e-3)] {
+            let found = off_percent(iae, 2.0);
+            assert!((found - expected).abs() < 1e-9, "{iae}: {found}");
         }
     }
 

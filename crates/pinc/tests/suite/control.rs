@@ -173,7 +173,7 @@ fn a_bound_of_an_output_holds_and_the_offset_is_said() {
     let offset = metrics.control[0].references.offset["y"][0].unwrap();
     assert!((offset - 0.3).abs() < 0.01, "{offset}");
     assert_eq!(metrics.control[0].references.settle_s[0], None);
-    let said = "With RK4 y does not come to 1 of its 2 references: it ends 0.3";
+    let said = "With RK4 y does not reach 1 of its 2 references: it ends 0.3";
     assert!(outcome.stdout.contains(said), "{outcome:?}");
     let report = fs::read_to_string(dir.path().join("run/report.html")).unwrap();
     assert!(report.contains(said));

@@ -210,6 +210,15 @@ fn all_targets_are_written() {
         assert_eq!(contains(&fmu, &place), binary, "{arguments:?}");
         assert!(contains(&fmu, "sources/it_fmu.c") && contains(&fmu, "canHandleVariable"));
     }
+    // Without a compiler there is no FMU, rather than one without its binary.
+    let fmu = dir.path().join("out-without/it.fmu");
+    let arguments = ["export", "--to", "fmu", "--model", model, "--name", "it", "--out"];
+    let mut without = pinc(&arguments);
+    without.arg(fmu.parent().unwrap()).env("PATH", dir.path());
+    if cfg!(all(target_os = "linux", target_arch = "x86_64")) {
+        outcome(&mut without).assert_refused(&["export", "`cc` made no binary", "No such file"]);
+        assert!(!fmu.exists());
+    }
     export(&["onnx", config, "--only", "rk4"]).assert_refused(&["--to onnx", "takes a net"]);
     export(&["casadi", config, "--plant"]).assert_refused(&["--to casadi", "takes no plant"]);
 }

@@ -1,0 +1,128 @@
+//! Bounds that a plant breaks in closed loop: by how much, where, and of which quantity.
+
+use crate::problems::four_tanks;
+use pinc_ad::Scalar;
+use pinc_mpc::{
+    Bounded, Bounds, ClosedLoop, Nmpc, NmpcProblem, Reference, Side, Softness, SqpConfig,
+    Violation, Weights,
+};
+use pinc_ode::{Dims, Dopri5, Model, Plant, Rk4, Variable};
+use pinc_plants::FourTanks;
+
+const FREE: f64 = f64::INFINITY;
+
+/// x' = (u - x) / 10 with the outputs -x and x + u.
+#[derive(Clone, Debug)]
+struct Lag;
+
+impl Plant for Lag {
+    fn states(&self) -> &[Variable] {
+        static VARIABLES: [Variable; 1] = [Variable::new("x", "")];
+        &VARIABLES
+    }
+
+    fn inputs(&self) -> &[Variable] {
+        static VARIABLES: [Variable; 1] = [Variable::new("u", "")];
+        &VARIABLES
+    }
+
+    fn outputs(&self) -> &[Variable] {
+        static VARIABLES: [Variable; 2] = [Variable::new("minus", ""), Variable::new("y", "")];
+        &VARIABLES
+    }
+
+    fn rhs<S: Scalar>(&self, x: &[S], u: &[S], _p: &[S], dx: &mut [S]) {
+        dx[0] = (u[0] - x[0]) * 0.1;
+    }
+
+    fn output<S: Scalar>(&self, x: &[S], u: &[S], _p: &[S], y: &mut [S]) {
+        (y[0], y[1]) = (-x[0], x[0] + u[0]);
+    }
+}
+
+/// What the lag breaks in one step from 1.5 under an input of 1 that is under way.
+fn broken_by_the_lag(state_softness: Softness, output_softness: Softness) -> Vec<Violation> {
+    let problem = NmpcProblem {
+        delay: 1,
+        input_bounds: Bounds::new(vec![-5.0], vec![5.0]),
+        state_bounds: Bounds::new(vec![-FREE], vec![1.2]),
+        output_bounds: Some(Bounds::new(vec![-1.1, -FREE], vec![FREE, 2.0])),
+        state_softness,
+        output_softness,
+        ..NmpcProblem::new(Dims::new(1, 1), 3, Weights::uniform(vec![1.0], vec![1.0]))
+    };
+    let model = Box::new(Rk4::new(Lag, 1.0, 2));
+    let mut nmpc = Nmpc::new(problem, model, SqpConfig::default()).unwrap();
+    let reference = Reference::new(vec![0.0], 1).unwrap();
+    let run = ClosedLoop::new(&mut nmpc, Dopri5::new(Lag, 1e-12), reference, &[1.5]).unwrap();
+    let mut run = run.with_initial_input(&[1.0]).unwrap();
+    run.run().unwrap();
+    run.violations().copied().collect()
+}
+
+/// An output that jumps with the input is over its bound at the beginning of the step and less so
+/// afterwards: that is a step's end as any other.
+#[test]
+fn the_beginning_of_a_step_counts_as_between_steps() {
+    let broken = broken_by_the_lag(Softness::Hard, Softness::Hard);
+    let output = broken.iter().find(|of| of.of == Bounded::Output(1)).unwrap();
+    assert!((output.amount - 0.5).abs() < 1e-12 && output.time_s.abs() < 1e-15, "{output:?}");
+    assert!((output.at_steps - 0.5).abs() < 1e-12, "{output:?}");
+    assert!((output.size - 2.5).abs() < 1e-12, "{output:?}");
+}
+
+/// The size of what is negative is its absolute value.
+#[test]
+fn a_size_has_no_sign() {
+    let broken = broken_by_the_lag(Softness::Hard, Softness::Hard);
+    let output = broken.iter().find(|of| of.of == Bounded::Output(0)).unwrap();
+    // The first sample after the beginning, which is given.
+    let x = 1.0 + 0.5 * (-1.0_f64 / 90.0).exp();
+    assert!((output.size - x).abs() < 1e-9, "{output:?}");
+    assert!((output.amount - (x - 1.1)).abs() < 1e-9, "{output:?}");
+    let end = 1.0 + 0.5 * (-0.1_f64).exp();
+    assert!((output.at_steps - (end - 1.1)).abs() < 1e-9, "{output:?}");
+    assert_eq!((output.side, output.bound.to_bits()), (Side::Low, (-1.1_f64).to_bits()));
+}
+
+/// States and outputs have their own softness.
+#[test]
+fn softness_is_that_of_the_quantity() {
+    for (states, outputs) in [(true, false), (false, true)] {
+        let softness = |hard| if hard { Softness::Hard } else { Softness::Exact };
+        let broken = broken_by_the_lag(softness(states), softness(outputs));
+        let hard: Vec<_> = broken.iter().map(|of| (of.of, of.hard)).collect();
+        let expected = [
+            (Bounded::State(0), states),
+            (Bounded::Output(0), outputs),
+            (Bounded::Output(1), outputs),
+        ];
+        assert_eq!(hard, expected);
+    }
+}
+
+/// Each input has its own bounds.
+#[test]
+fn an_input_beyond_its_bounds_is_the_one_that_is() {
+    for (i, initial) in [[6.5, 3.0], [3.0, 6.5]].into_iter().enumerate() {
+        let model = Rk4::new(FourTanks::antonelo(), 10.0, 4);
+        let problem = NmpcProblem { delay: 1, ..four_tanks() };
+        let most = problem.input_bounds.high[i];
+        assert!(initial[1 - i] < problem.input_bounds.high[1 - i] && initial[i] > most);
+        assert_eq!(model.dims().nu, 2);
+        let mut nmpc = Nmpc::new(problem, Box::new(model), SqpConfig::default()).unwrap();
+        let reference = Reference::new(vec![12.0, 12.0], 2).unwrap();
+        let plant = Dopri5::new(FourTanks::antonelo(), 1e-10);
+        let run = ClosedLoop::new(&mut nmpc, plant, reference, &[12.0, 12.0, 2.0, 2.0]).unwrap();
+        let mut run = run.with_initial_input(&initial).unwrap();
+        run.run().unwrap();
+        let inputs = run.violations().filter(|of| matches!(of.of, Bounded::Input(_)));
+        let inputs: Vec<_> = inputs.collect();
+        assert_eq!(inputs.len(), 1, "{inputs:?}");
+        assert_eq!((inputs[0].of, inputs[0].side), (Bounded::Input(i), Side::High));
+        let numbers = [inputs[0].amount, inputs[0].at_steps, inputs[0].size];
+        for (found, expected) in numbers.into_iter().zip([6.5 - most, 6.5 - most, 6.5]) {
+            assert!((found - expected).abs() < 1e-12, "{inputs:?}");
+        }
+    }
+}
