@@ -134,13 +134,16 @@ impl<V: Simd> VectorRhs<V> for NoEquation {
 /// are one-sided differences, 1 + nx + nu runs of the flow at each point; each change has the sign
 /// of its variable, so that a quantity that cannot be negative is not asked for below 0.
 ///
-/// Where the flow fails F is NaN. The model itself allocates nothing; its flow may.
+/// Where the flow fails F is NaN, and the first failure is logged with its reason. The model itself
+/// allocates nothing; its flow may.
 #[derive(Debug)]
 pub struct FlowModel {
     dims: Dims,
     sample_time_s: f64,
     steps: Vec<f64>,
     flow: Arc<dyn Flow>,
+    /// Whether a failure was logged.
+    told: bool,
     /// Places in one call of the flow: those of all points with their changes.
     x: Vec<f64>,
     u: Vec<f64>,
@@ -157,7 +160,17 @@ impl FlowModel {
         let (dims, steps) = (plant.dims(), plant.difference_steps.clone());
         assert_eq!(steps.len(), dims.nx + dims.nu, "one difference step per state and input");
         let flow = plant.flow.clone();
-        Self { dims, sample_time_s, steps, flow, x: Vec::new(), u: Vec::new() }
+        Self { dims, sample_time_s, steps, flow, told: false, x: Vec::new(), u: Vec::new() }
+    }
+
+    /// Whether the flow succeeded. The reason of the first failure is logged.
+    fn succeeded(&mut self, result: Result<(), OdeError>) -> bool {
+        if let Err(error) = &result
+            && !std::mem::replace(&mut self.told, true)
+        {
+            tracing::warn!(%error, "the plant failed in a step of the model");
+        }
+        result.is_ok()
     }
 
     /// The change of variable `j` at `value`.
@@ -178,7 +191,8 @@ impl Model for FlowModel {
 
     fn step(&mut self, x: &[f64], u: &[f64], _p: &[f64], next: &mut [f64]) {
         next.copy_from_slice(x);
-        if self.flow.advance(next, u, self.sample_time_s).is_err() {
+        let result = self.flow.advance(next, u, self.sample_time_s);
+        if !self.succeeded(result) {
             next.fill(f64::NAN);
         }
     }
@@ -194,7 +208,7 @@ impl Model for FlowModel {
         let Linearization { next, a, b, e } = &mut out;
         let own = self.flow.linearize(at, self.sample_time_s, Linearization { next, a, b, e });
         if let Some(result) = own {
-            if result.is_err() {
+            if !self.succeeded(result) {
                 [out.next, out.a, out.b].into_iter().for_each(|part| part.fill(f64::NAN));
             }
             return;
@@ -216,7 +230,8 @@ impl Model for FlowModel {
                 last[place] = value + change;
             }
         }
-        if self.flow.advance(&mut self.x, &self.u, self.sample_time_s).is_err() {
+        let result = self.flow.advance(&mut self.x, &self.u, self.sample_time_s);
+        if !self.succeeded(result) {
             self.x.fill(f64::NAN);
         }
         for (k, ends) in self.x.chunks_exact(all * nx).enumerate() {
@@ -265,6 +280,62 @@ mod tests {
             inputs: variable("u"),
             difference_steps: vec![1e-6 * scale; 2],
             flow: Arc::new(Lag),
+        }
+    }
+
+    /// Keeps what is logged.
+    #[derive(Clone, Debug, Default)]
+    struct Log(Arc<std::sync::Mutex<Vec<String>>>);
+
+    impl tracing::field::Visit for Log {
+        fn record_debug(&mut self, field: &tracing::field::Field, value: &dyn Debug) {
+            self.0.lock().unwrap().push(format!("{field}: {value:?}"));
+        }
+    }
+
+    impl tracing::Subscriber for Log {
+        fn enabled(&self, _: &tracing::Metadata<'_>) -> bool {
+            true
+        }
+        fn new_span(&self, _: &tracing::span::Attributes<'_>) -> tracing::span::Id {
+            tracing::span::Id::from_u64(1)
+        }
+        fn record(&self, _: &tracing::span::Id, _: &tracing::span::Record<'_>) {}
+        fn record_follows_from(&self, _: &tracing::span::Id, _: &tracing::span::Id) {}
+        fn event(&self, event: &tracing::Event<'_>) {
+            event.record(&mut self.clone());
+        }
+        fn enter(&self, _: &tracing::span::Id) {}
+        fn exit(&self, _: &tracing::span::Id) {}
+    }
+
+    /// A controller sees NaN where its model fails; the reason is in the log, once.
+    #[test]
+    fn the_reason_of_a_failure_is_logged() {
+        for linearizes in [false, true] {
+            let log = Log::default();
+            let mut model = FlowModel::new(&lag(1.0), 0.3);
+            let next = tracing::subscriber::with_default(log.clone(), || {
+                let (mut next, mut a, mut b) = ([0.0], [0.0], [0.0]);
+                for _ in 0..2 {
+                    if linearizes {
+                        let at = Stages { x: &[-1.0], u: &[0.0], p: &[] };
+                        let (next, a, b) = (&mut next[..], &mut a[..], &mut b[..]);
+                        model.linearize(at, Linearization { next, a, b, e: &mut [] });
+                    } else {
+                        model.step(&[-1.0], &[0.0], &[], &mut next);
+                    }
+                }
+                next
+            });
+            assert!(next[0].is_nan());
+            let said = log.0.lock().unwrap().join("\n");
+            assert_eq!(said.matches("below 0").count(), 1, "{said}");
+            assert_eq!(
+                said.matches("the plant failed in a step of the model").count(),
+                1,
+                "{said}"
+            );
         }
     }
 
