@@ -1,4 +1,4 @@
-//! `docs/reference/config.md`: every key of a config, read from the types that configs are
+//! `docs/config-keys.md`: every key of a config, read from the types that configs are
 //! deserialized into. With `PINC_WRITE` set in the environment, the test writes the page.
 
 mod defaults;
@@ -10,7 +10,7 @@ use std::collections::BTreeMap;
 use std::fs;
 use std::path::{Path, PathBuf};
 
-const PAGE: &str = "docs/reference/config.md";
+const PAGE: &str = "docs/config-keys.md";
 
 const HEAD: &str = "# Config reference
 

@@ -1,15 +1,16 @@
 //! The controller.
 
 use crate::builder::NmpcBuilder;
-use crate::constraint::Constraint;
 use crate::cost::Targets;
 use crate::error::{check_finite, check_length};
 use crate::guard::{Guard, Trust};
+use crate::guess::{Guess, Phase};
 use crate::horizon::Horizon;
 use crate::kkt::KktResidual;
+use crate::report::{Planned, StepReport};
 use crate::solution::Solution;
 use crate::sqp::{Outcome, PlanState, Sqp, StepInput};
-use crate::{MpcError, NmpcProblem, SqpConfig, SqpStatus, StepWork};
+use crate::{MpcError, NmpcProblem, SqpConfig, SqpStatus};
 use pinc_ode::Model;
 use pinc_qp::{OcpDims, all_finite};
 
@@ -85,75 +86,6 @@ pub struct Nmpc {
     start: Vec<f64>,
     next: Vec<f64>,
     guard: Option<Guard>,
-}
-
-/// What the plan is worth as the first guess of the next step.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Guess {
-    /// Nothing: the first guess stays at the state measured.
-    Cold,
-    /// The inputs are known, and the states stay at that of the first step.
-    Held,
-    /// Its states are worth starting from. `fallback`: it was also good enough to be followed
-    /// without need.
-    Warm { fallback: bool },
-    /// It is a guess only, since the time was up before it was worth following, for so many steps
-    /// in a row; the last plan that was is the fallback.
-    Tentative { waited: usize },
-}
-
-/// How far the next step is prepared.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Phase {
-    /// The plan is that of the last step.
-    Solved,
-    /// The plan is shifted by a step.
-    Shifted,
-    /// The problem is linearized along it.
-    Linearized,
-}
-
-/// The result of a control step.
-#[derive(Clone, Copy, Debug, PartialEq)]
-#[non_exhaustive]
-pub struct StepReport<'a> {
-    /// The input to apply, within its bounds whatever the status.
-    pub u: &'a [f64],
-    /// How the optimization ended.
-    pub status: SqpStatus,
-    /// How many QPs were solved.
-    pub sqp_iterations: usize,
-    /// Other work; work done in [`Nmpc::prepare`] counts towards the next step.
-    pub work: StepWork,
-    /// The residual of the plan that the optimization ended with (of a real-time iteration: that it
-    /// began with); not finite if the model has no value there.
-    pub kkt: KktResidual,
-    /// A hard constraint that cannot be met, if that is what kept the step from being optimal.
-    pub violated: Option<Constraint>,
-    /// Whether `u` is of the plan that the optimization ended with; otherwise it is the next one of
-    /// the last plan.
-    pub followed: bool,
-    /// Whether the model was trusted in the plan's first step. Of a step that was made over by a
-    /// substitute all else is the substitute's.
-    pub trust: Trust,
-}
-
-/// A [`StepReport`] without the input.
-struct Planned {
-    status: SqpStatus,
-    sqp_iterations: usize,
-    work: StepWork,
-    kkt: KktResidual,
-    violated: Option<Constraint>,
-    followed: bool,
-    trust: Trust,
-}
-
-impl Planned {
-    fn report(self, u: &[f64]) -> StepReport<'_> {
-        let Self { status, sqp_iterations, work, kkt, violated, followed, trust } = self;
-        StepReport { u, status, sqp_iterations, work, kkt, violated, followed, trust }
-    }
 }
 
 impl Nmpc {

@@ -1,11 +1,10 @@
 //! A map of the net's error of one step over its training domain.
 
-use crate::color_bar::color_bar;
 use crate::data::Run;
 use crate::picture::Picture;
-use pinc_chart::text;
 use pinc_chart::{
-    Area, Axis, Figure, Fill, GREY, INK, Kind, Look, Panel, Shape, Style, extent, graded,
+    Area, Axis, Figure, Fill, GREY, INK, Kind, Look, Panel, Shape, Style, color_bar, extent,
+    graded, text,
 };
 use pinc_record::{DomainErrorTable, file};
 

@@ -1,19 +1,15 @@
 #![doc = include_str!("../README.md")]
 //! # Tour
 //!
-//! - [`build`]: the report of a run directory, one HTML page that stands alone, and the pictures in
-//!   it as files of their own.
+//! - [`build`]: the report of a run directory, one HTML page, and its pictures as files.
 //! - [`compare`]: runs side by side.
-//! - [`proven_map`]: what is proven of a model's errors over its domain, as a picture.
-//! - [`results`], [`write_results`]: the paper's tables and figures beside the results of a list of
-//!   runs.
+//! - [`results`], [`write_results`]: the paper's tables and figures beside a list of runs.
 //!
 //! Everything is made from the types of [`pinc_record`] that wrote the files. A picture is first a
 //! [`pinc_chart::Figure`], plain data, and then drawn.
 
 #![forbid(unsafe_code)]
 
-mod color_bar;
 mod compare;
 mod control;
 mod data;
@@ -28,7 +24,6 @@ mod paper;
 mod picture;
 mod prediction;
 mod profile;
-mod proven_map;
 mod report;
 mod steps;
 mod summary_text;
@@ -46,5 +41,5 @@ mod zoom;
 pub use compare::{Comparison, compare};
 pub use error::ReportError;
 pub use paper::{results, write_results};
-pub use proven_map::{ProvenBox, proven_map};
+pub use pinc_chart::{MapLabels, ValuedBox, box_map};
 pub use report::{FigureFiles, Report, build};

@@ -3,6 +3,7 @@
 use crate::choices::{
     CertifyArgs, Outside, RunArgs, SetArgs, SweepArgs, To, model_kind, seconds, share,
 };
+use crate::options::{arguments, options};
 use crate::printed::{failure, show, usage};
 use crate::summary::summary;
 use clap::{Parser, Subcommand};
@@ -12,10 +13,6 @@ use pinc_record::RunDir;
 use pinc_runs::{Options, RunError, Severity, Verbosity, console, verdict};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
-use std::sync::atomic::{AtomicBool, Ordering};
-
-/// Set by Ctrl-C.
-static INTERRUPT: AtomicBool = AtomicBool::new(false);
 
 /// Physics-informed neural nets inside nonlinear model predictive control.
 #[derive(Debug, Parser)]
@@ -581,27 +578,4 @@ impl RunArgs {
         show(quiet, &summary(&run_dir))?;
         verdict(experiment, run_dir.metrics())
     }
-}
-
-/// The command line without the program's name.
-fn arguments() -> Vec<String> {
-    std::env::args().skip(1).collect()
-}
-
-fn options(resume: bool, quiet: bool, arguments: &[String]) -> Options<'_> {
-    let verbosity = if quiet { Verbosity::Quiet } else { Verbosity::Shown };
-    Options { resume, verbosity, interrupt: catch_interrupts(), arguments }
-}
-
-/// From now on, the first Ctrl-C asks the run to stop, and a second ends the program.
-fn catch_interrupts() -> &'static AtomicBool {
-    // Without a handler (there is one already, or the system has none) Ctrl-C ends the program: the
-    // last checkpoint is then what is left.
-    let _ = ctrlc::set_handler(|| {
-        if INTERRUPT.swap(true, Ordering::Relaxed) {
-            std::process::exit(1);
-        }
-        console::note("stopping after this iteration (once more: at once)");
-    });
-    &INTERRUPT
 }

@@ -147,6 +147,8 @@ mod choices;
 #[cfg(feature = "program")]
 mod cli;
 #[cfg(feature = "program")]
+mod options;
+#[cfg(feature = "program")]
 mod printed;
 #[cfg(feature = "program")]
 mod summary;

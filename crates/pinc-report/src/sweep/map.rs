@@ -2,11 +2,11 @@
 
 use super::metric::Metric;
 use super::sizes;
-use crate::color_bar::color_bar;
 use crate::picture::Picture;
 use crate::trials::{Cell, Trials, short, shown};
-use pinc_chart::text;
-use pinc_chart::{Area, Axis, Figure, Fill, GREY, Look, Panel, extent, graded, places};
+use pinc_chart::{
+    Area, Axis, Figure, Fill, GREY, Look, Panel, color_bar, extent, graded, places, text,
+};
 use pinc_record::TrialMetric;
 
 /// A cell's height in pixels.

@@ -5,7 +5,7 @@ use crate::invocation::cores;
 use crate::progress::Stage;
 use crate::{Options, RunError};
 use pinc_record::{ByName, DomainCertificate, RunDir, file, read_text};
-use pinc_report::{ProvenBox, proven_map};
+use pinc_report::{MapLabels, ValuedBox, box_map};
 use pinc_verify::{Bracket, Leaf, Search, SearchSettings, StepError};
 use serde::{Deserialize, Serialize};
 use std::sync::atomic::Ordering;
@@ -84,9 +84,14 @@ fn map(subject: &Subject, search: &Search) -> Option<String> {
         bounds.map(|(bound, width)| Some((*bound)? / width)).reduce(|a, b| Some(a?.max(b?)))?
     };
     let boxes =
-        search.leaves().map(|leaf| ProvenBox { ends: leaf.ends.clone(), bound: in_widths(leaf) });
-    let boxes: Vec<ProvenBox> = boxes.collect();
-    proven_map(&subject.labels(), subject.states.len(), &subject.domain, &boxes)
+        search.leaves().map(|leaf| ValuedBox { ends: leaf.ends.clone(), value: in_widths(leaf) });
+    let boxes: Vec<ValuedBox> = boxes.collect();
+    let labels = MapLabels {
+        title: "Proven error of one step",
+        value: "log₁₀ of the proven bound (widths)",
+        unknown: "nothing is proven",
+    };
+    box_map(labels, (&subject.labels(), subject.states.len()), &subject.domain, &boxes)
 }
 
 /// The ratios of proven to found errors.

@@ -1,7 +1,6 @@
-//! A map of what is proven of a model's errors over its domain.
+//! A map of values in boxes of several variables.
 
-use crate::color_bar::color_bar;
-use pinc_chart::{Area, Axis, Figure, Fill, GREY, Kind, Look, Panel, extent, graded};
+use crate::{Area, Axis, Figure, Fill, GREY, Kind, Look, Panel, color_bar, extent, graded};
 
 /// The map's height in pixels.
 const HEIGHT: f64 = 380.0;
@@ -10,27 +9,38 @@ const HEIGHT: f64 = 380.0;
 const CELLS: usize = 48;
 const COARSE: usize = 8;
 
-/// A box of the domain with what is proven in it.
+/// A box with a positive value, none if that is not known.
 #[derive(Clone, Debug, PartialEq)]
-pub struct ProvenBox {
+pub struct ValuedBox {
     /// The ends of each variable.
     pub ends: Vec<[f64; 2]>,
-    /// The largest bound of a state's error, in widths of its range; none where nothing is proven.
-    pub bound: Option<f64>,
+    /// The value in it.
+    pub value: Option<f64>,
 }
 
-/// Draws the proven bounds over the two variables with which they vary most, whatever the others
+/// The words of a map.
+#[derive(Clone, Copy, Debug)]
+pub struct MapLabels<'a> {
+    /// The title.
+    pub title: &'a str,
+    /// The decimal logarithm of a value.
+    pub value: &'a str,
+    /// A box without a value.
+    pub unknown: &'a str,
+}
+
+/// Draws the largest values over the two variables with which they vary most, whatever the others
 /// are, as an SVG document; none if there are no two variables. `variables` are their names with
-/// units, the first `states` of them states, and `domain` their ends.
+/// units, of which the first `preferred` are drawn if there are two of them, and `domain` their ends.
 #[must_use]
-pub fn proven_map(
-    variables: &[String],
-    states: usize,
+pub fn box_map(
+    labels: MapLabels<'_>,
+    (variables, preferred): (&[String], usize),
     domain: &[[f64; 2]],
-    boxes: &[ProvenBox],
+    boxes: &[ValuedBox],
 ) -> Option<String> {
-    let second = if states > 1 { 0..states } else { 0..variables.len() };
-    let pairs = (0..states).flat_map(|a| second.clone().map(move |b| (a, b)));
+    let second = if preferred > 1 { 0..preferred } else { 0..variables.len() };
+    let pairs = (0..preferred).flat_map(|a| second.clone().map(move |b| (a, b)));
     let spread = |pair: &(usize, usize)| variance(&largest(domain, boxes, *pair, COARSE));
     let pairs = pairs.filter(|(a, b)| a < b);
     let (across, up) = pairs.max_by(|one, other| {
@@ -38,7 +48,7 @@ pub fn proven_map(
         spread(one).total_cmp(&spread(other)).then(other.cmp(one))
     })?;
     let cells = largest(domain, boxes, (across, up), CELLS);
-    let label = "log₁₀ of the proven bound (widths)";
+    let label = labels.value;
     let axis = |i: usize| Axis::ranged(&variables[i], Kind::Linear, (domain[i][0], domain[i][1]));
     let side = |variable: usize, place: usize| {
         let [low, high] = domain[variable];
@@ -65,18 +75,17 @@ pub fn proven_map(
     let mut panel = Panel::new("", axis(up), HEIGHT);
     panel.areas = logs.iter().enumerate().map(area).collect();
     if logs.contains(&None) {
-        panel.key("nothing is proven", Look::Area(Fill::hatched(GREY)));
+        panel.key(labels.unknown, Look::Area(Fill::hatched(GREY)));
     }
     let bar = color_bar(label, ends, HEIGHT);
-    let title = "Proven error of one step";
-    Figure::grid(title, axis(across), vec![26.0, 1.0], vec![panel, bar]).svg()
+    Figure::grid(labels.title, axis(across), vec![26.0, 1.0], vec![panel, bar]).svg()
 }
 
-/// The largest bound of the boxes that touch each cell of a grid over two variables, row by row;
+/// The largest value of the boxes that touch each cell of a grid over two variables, row by row;
 /// infinite where one of them has none.
 fn largest(
     domain: &[[f64; 2]],
-    boxes: &[ProvenBox],
+    boxes: &[ValuedBox],
     (across, up): (usize, usize),
     size: usize,
 ) -> Vec<f64> {
@@ -85,7 +94,7 @@ fn largest(
         let [columns, rows] = [across, up].map(|i| covered(domain[i], part.ends[i], size));
         for row in rows {
             for cell in &mut cells[row * size + columns.start..row * size + columns.end] {
-                *cell = cell.max(part.bound.unwrap_or(f64::INFINITY));
+                *cell = cell.max(part.value.unwrap_or(f64::INFINITY));
             }
         }
     }
@@ -125,9 +134,9 @@ mod tests {
     #[test]
     fn boxes_cover_their_cells() {
         let domain = [[0.0, 2.0], [-1.0, 1.0], [0.0, 1.0]];
-        let part = |x: [f64; 2], bound: Option<f64>| ProvenBox {
+        let part = |x: [f64; 2], value: Option<f64>| ValuedBox {
             ends: vec![x, [-1.0, 1.0], [0.0, 1.0]],
-            bound,
+            value,
         };
         let boxes = [part([0.0, 0.5], Some(1e-2)), part([0.5, 2.0], Some(1e-3))];
         let cells = largest(&domain, &boxes, (0, 1), 4);
@@ -135,14 +144,15 @@ mod tests {
         // A box that covers a part of a cell counts in it.
         assert_eq!(covered([0.0, 2.0], [0.5, 1.1], 4), 1..3);
         assert_eq!(covered([0.0, 2.0], [1.9, 2.0], 4), 3..4);
+        let labels = MapLabels { title: "map", value: "log of v", unknown: "not known" };
         let variables = ["x (m)", "y (m)", "u (V)"].map(str::to_owned);
-        let svg = proven_map(&variables, 2, &domain, &boxes).unwrap();
-        for label in ["x (m)", "y (m)", "log₁₀ of the proven bound (widths)"] {
+        let svg = box_map(labels, (&variables, 2), &domain, &boxes).unwrap();
+        for label in ["x (m)", "y (m)", "log of v"] {
             assert!(svg.contains(label), "{label}");
         }
-        assert!(!svg.contains("u (V)") && !svg.contains("nothing is proven"));
+        assert!(!svg.contains("u (V)") && !svg.contains("not known"));
         let open = [part([0.0, 0.5], None), part([0.5, 2.0], Some(1e-3))];
-        assert!(proven_map(&variables, 2, &domain, &open).unwrap().contains("nothing is proven"));
-        assert!(proven_map(&variables[..1], 1, &domain[..1], &[]).is_none());
+        assert!(box_map(labels, (&variables, 2), &domain, &open).unwrap().contains("not known"));
+        assert!(box_map(labels, (&variables[..1], 1), &domain[..1], &[]).is_none());
     }
 }

@@ -1,11 +1,12 @@
 //! The colours of a map as a panel with a scale.
 
-use pinc_chart::{Area, Axis, Fill, Kind, Panel, graded, places};
+use crate::{Area, Axis, Fill, Kind, Panel, graded, places};
 
 const COLOR_STEPS: usize = 64;
 
 /// The colours from one end of a quantity to the other, `height` pixels high.
-pub(crate) fn color_bar(label: &str, ends: (f64, f64), height: f64) -> Panel {
+#[must_use]
+pub fn color_bar(label: &str, ends: (f64, f64), height: f64) -> Panel {
     let (low, high) = match ends.1 > ends.0 {
         true => ends,
         false => (ends.0 - 0.5, ends.1 + 0.5),

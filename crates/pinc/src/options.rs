@@ -1,0 +1,30 @@
+//! How a command is called and interrupted.
+
+use pinc_runs::{Options, Verbosity, console};
+use std::sync::atomic::{AtomicBool, Ordering};
+
+/// Set by Ctrl-C.
+static INTERRUPT: AtomicBool = AtomicBool::new(false);
+
+/// The command line without the program's name.
+pub(crate) fn arguments() -> Vec<String> {
+    std::env::args().skip(1).collect()
+}
+
+pub(crate) fn options(resume: bool, quiet: bool, arguments: &[String]) -> Options<'_> {
+    let verbosity = if quiet { Verbosity::Quiet } else { Verbosity::Shown };
+    Options { resume, verbosity, interrupt: catch_interrupts(), arguments }
+}
+
+/// From now on, the first Ctrl-C asks the run to stop, and a second ends the program.
+fn catch_interrupts() -> &'static AtomicBool {
+    // Without a handler (there is one already, or the system has none) Ctrl-C ends the program: the
+    // last checkpoint is then what is left.
+    let _ = ctrlc::set_handler(|| {
+        if INTERRUPT.swap(true, Ordering::Relaxed) {
+            std::process::exit(1);
+        }
+        console::note("stopping after this iteration (once more: at once)");
+    });
+    &INTERRUPT
+}
