@@ -93,6 +93,6 @@ impl NmpcBuilder {
         let horizon = Horizon::new(models, problem.horizon)?;
         let sqp = Sqp::new(&problem, config, &horizon, stage_cost)?;
         let nmpc = Nmpc::of(problem, horizon, config, sqp);
-        Ok(nmpc.with_guard(guard)?)
+        nmpc.with_guard(guard)
     }
 }

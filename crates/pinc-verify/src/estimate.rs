@@ -54,12 +54,20 @@ const REFERENCE_SUBSTEPS: usize = 8;
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
 #[derive(Debug)]
-pub struct ErrorEstimate(Way);
+pub struct ErrorEstimate(Method);
 
 #[derive(Debug)]
-enum Way {
+enum Method {
     Residual(Box<dyn Residual>),
-    Reference { net: PincModel, exact: Box<dyn Model>, found: Vec<f64> },
+    Reference(Box<Reference>),
+}
+
+/// A net beside an integrator that stands for the exact solution.
+#[derive(Debug)]
+struct Reference {
+    net: PincModel,
+    exact: Box<dyn Model>,
+    found: Vec<f64>,
 }
 
 /// [`AtNodes`] with its vector type erased.
@@ -93,15 +101,14 @@ impl ErrorEstimate {
             TrainingTarget::Physics => {
                 let folded = FoldedNet::new(net).map_err(VerifyError::Net)?;
                 let isa = Isa::detect();
-                Way::Residual(isa.dispatch(Build { net, folded, plant, isa, t }))
+                Method::Residual(isa.dispatch(Build { net, folded, plant, isa, t }))
             }
-            TrainingTarget::Integrator => Way::Reference {
-                net: model,
-                exact: plant
-                    .model(Integrator::Rk5, t, REFERENCE_SUBSTEPS)
-                    .map_err(VerifyError::Reference)?,
-                found: vec![0.0; net.dims().nx],
-            },
+            TrainingTarget::Integrator => {
+                let exact = plant.model(Integrator::Rk5, t, REFERENCE_SUBSTEPS);
+                let exact = exact.map_err(VerifyError::Reference)?;
+                let found = vec![0.0; net.dims().nx];
+                Method::Reference(Box::new(Reference { net: model, exact, found }))
+            }
         }))
     }
 
@@ -110,8 +117,9 @@ impl ErrorEstimate {
     /// equation is not.
     pub fn write(&mut self, x: &[f64], u: &[f64], p: &[f64], error: &mut [f64]) {
         match &mut self.0 {
-            Way::Residual(residual) => residual.estimate(x, u, p, error),
-            Way::Reference { net, exact, found } => {
+            Method::Residual(residual) => residual.estimate(x, u, p, error),
+            Method::Reference(of) => {
+                let Reference { net, exact, found } = &mut **of;
                 net.step(x, u, p, error);
                 exact.step(x, u, p, found);
                 error.iter_mut().zip(found).for_each(|(error, exact)| *error -= *exact);
@@ -178,7 +186,7 @@ struct AtNodes<V> {
     rates: Vec<VectorDual<V>>,
     /// r of state i at node k: at i NODES + k.
     residual: Vec<f64>,
-    /// dr_i/dx_j of the equation at node k: at (i n + j) NODES + k.
+    /// Row i, column j of the equation's Jacobian at node k: at (i n + j) NODES + k.
     jacobian: Vec<f64>,
     matrix: Vec<f64>,
     sum: Vec<f64>,
@@ -366,7 +374,7 @@ impl<V: Simd> AtNodes<V> {
     }
 
     /// e(T) from e(0) in `error`: at each node e jumps by the weighted residual; in between
-    /// (I - h/2 J_after) e_after = (I + h/2 J_before) e_before.
+    /// the trapezoidal rule carries it over h seconds, by (I - h/2 J1) e1 = (I + h/2 J0) e0.
     #[inline(always)]
     fn carry(&mut self, error: &mut [f64]) {
         let n = error.len();
@@ -380,8 +388,8 @@ impl<V: Simd> AtNodes<V> {
             if k > 0 || !self.net.adds_initial_state {
                 for i in 0..n {
                     let mut slope = 0.0;
-                    for j in 0..n {
-                        slope += self.jacobian[(i * n + j) * NODES + before] * error[j];
+                    for (j, error) in error.iter().enumerate() {
+                        slope += self.jacobian[(i * n + j) * NODES + before] * error;
                         let own = if i == j { 1.0 } else { 0.0 };
                         let of = self.jacobian[(i * n + j) * NODES + after];
                         self.matrix[i * n + j] = own - half * of;
