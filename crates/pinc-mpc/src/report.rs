@@ -15,7 +15,7 @@ pub struct StepReport<'a> {
     pub status: SqpStatus,
     /// How many QPs were solved.
     pub sqp_iterations: usize,
-    /// Other work; work done in [`Nmpc::prepare`] counts towards the next step.
+    /// Other work; work done in [`Nmpc::prepare`](crate::Nmpc::prepare) counts towards the next step.
     pub work: StepWork,
     /// The residual of the plan that the optimization ended with (of a real-time iteration: that it
     /// began with); not finite if the model has no value there.
