@@ -1,10 +1,16 @@
-//! Lists of a config for a plant with arrays: one entry per array, or one per element.
+//! Lists of a config by name, and for a plant with arrays.
+//!
+//! A list of one number per state, input, output or disturbance may be a table by name, as `{ V = 4.0 }`.
+//! Names that it does not have get their default where there is one: no bound, or no weight.
+//!
+//! In a list for a plant with arrays there is one entry per array, or one per element.
 //!
 //! Where the plant has the states `T[20]` and `E`, a list of states is `[300.0, 0.0]`, the first
 //! number for all elements of `T`, or `[[300.0, 301.0, ..], 0.0]`, or has 21 numbers.
 
 use crate::layers;
 use crate::plant::PlantSpec;
+use crate::plants::Plants;
 use crate::problem::{Problem, nearest};
 use crate::validate;
 use pinc_expr::Equations;
@@ -16,8 +22,8 @@ use toml::{Table, Value};
 /// A value, or the key and what is wrong there.
 type Checked<T> = Result<T, (String, Problem)>;
 
-/// Equations with their states, inputs and outputs.
-type Arrays = (Equations, [Vec<Variable>; 3]);
+/// The equations, if the plant is a text, and the names of states, inputs and own outputs.
+type Named = (Option<Equations>, [Vec<String>; 3]);
 
 /// How lists were written in a file, by their keys. No result depends on it: all are equal.
 #[derive(Clone, Debug, Default)]
@@ -84,52 +90,100 @@ const PER_DISTURBANCE: [&str; 2] =
     ["control.estimator.disturbance_sd", "control.estimator.disturbance_initial_sd"];
 
 /// Writes the lists of a resolved config out, one entry per element.
-pub(crate) fn write_out(table: &mut Table) -> Checked<AsWritten> {
-    let Some((equations, [states, inputs, outputs])) = arrays(table)? else {
+pub(crate) fn write_out(table: &mut Table, plants: &Plants) -> Checked<AsWritten> {
+    let Some((equations, [states, inputs, outputs])) = named(table, plants)? else {
         return Ok(AsWritten::default());
     };
-    let names = |variables: &[Variable]| -> Vec<String> {
-        variables.iter().map(|variable| variable.name.to_string()).collect()
-    };
-    let (states, inputs) = (names(&states), names(&inputs));
-    let mut outputs = names(&outputs);
-    outputs.retain(|output| !states.contains(output));
     let all = [&states[..], &outputs].concat();
     let mut lists = Lists { equations, table, written: Vec::new() };
-    let controlled = lists.names("control.controlled", &all)?;
+    let controlled = lists.names("control.controlled", &all)?.unwrap_or_default();
     let measured = lists.names("control.measurement.measured", &all)?;
+    let measured = measured.unwrap_or_else(|| Entries::of(&states));
     let disturbed = lists.names("control.estimator.disturbance.states", &states)?;
     let disturbed = disturbed.or_else(|| {
         match lists.table.get("control")?.get("estimator")?.get("disturbance")?.as_str()? {
-            "input" => Some(Variable::groups(&inputs)),
-            "output" => Some(measured.clone().unwrap_or_else(|| Variable::groups(&states))),
+            "input" => Some(Entries::of(&inputs)),
+            "output" => Some(measured.clone()),
             _ => None,
         }
     });
-    lists.numbers(&PER_STATE, &Variable::groups(&states))?;
-    lists.numbers(&PER_INPUT, &Variable::groups(&inputs))?;
-    lists.numbers(&PER_OUTPUT, &Variable::groups(&outputs))?;
-    lists.numbers(&PER_CONTROLLED, &controlled.unwrap_or_default())?;
-    lists.numbers(&PER_MEASURED, &measured.unwrap_or_else(|| Variable::groups(&states)))?;
+    lists.numbers(&PER_STATE, &Entries::of(&states))?;
+    lists.numbers(&PER_INPUT, &Entries::of(&inputs))?;
+    lists.numbers(&PER_OUTPUT, &Entries::of(&outputs))?;
+    lists.numbers(&PER_CONTROLLED, &controlled)?;
+    lists.numbers(&PER_MEASURED, &measured)?;
     lists.numbers(&PER_DISTURBANCE, &disturbed.unwrap_or_default())?;
     Ok(AsWritten(lists.written))
 }
 
-/// The equations of a plant with arrays, and its variables. Of a section that is no plant nothing
-/// is said here.
-fn arrays(table: &Table) -> Checked<Option<Arrays>> {
-    let plant = table.get("plant").filter(|plant| plant.get("expression").is_some());
-    let plant = plant.map(|plant| PlantSpec::deserialize(plant.clone()));
-    let Some(Ok(PlantSpec::Expression(equations))) = plant else { return Ok(None) };
-    let variables =
-        equations.variables().map_err(|error| validate::expression_finding("plant", error))?;
-    let is_element = |variable: &Variable| Variable::split_name(&variable.name).is_some();
-    let has_arrays = variables.iter().flatten().any(is_element);
-    Ok(has_arrays.then_some((equations, variables)))
+/// The names of a plant with arrays, or of any plant if a list is written by name. Of a section that
+/// is no plant nothing is said here.
+fn named(table: &mut Table, plants: &Plants) -> Checked<Option<Named>> {
+    let by_name = has_tables(table);
+    let plant = table.get("plant").cloned();
+    let plant = plant.filter(|plant| by_name || plant.get("expression").is_some());
+    let Some(Ok(mut plant)) = plant.map(PlantSpec::deserialize) else { return Ok(None) };
+    plant.bind(plants);
+    let names = |variables: &[Variable]| -> Vec<String> {
+        variables.iter().map(|variable| variable.name.to_string()).collect()
+    };
+    if let PlantSpec::Expression(equations) = plant {
+        let variables =
+            equations.variables().map_err(|error| validate::expression_finding("plant", error))?;
+        let is_element = |variable: &Variable| Variable::split_name(&variable.name).is_some();
+        let has_arrays = variables.iter().flatten().any(is_element);
+        let [states, inputs, mut outputs] = variables.each_ref().map(|of| names(of));
+        outputs.retain(|output| !states.contains(output));
+        return Ok((by_name || has_arrays).then_some((Some(equations), [states, inputs, outputs])));
+    }
+    if matches!(plant, PlantSpec::Own(_)) && plant.equations().is_none() {
+        return Ok(None);
+    }
+    let variables = plant.variables();
+    let outputs = variables.own_output_names();
+    Ok(Some((None, [variables.state_names(), variables.input_names(), outputs])))
+}
+
+/// Whether a list is written as a table.
+fn has_tables(table: &mut Table) -> bool {
+    let lists: [&[&str]; 6] =
+        [&PER_STATE, &PER_INPUT, &PER_OUTPUT, &PER_CONTROLLED, &PER_MEASURED, &PER_DISTURBANCE];
+    let is_table = |table: &mut Table, key: &str| at(table, key).is_some_and(|v| v.is_table());
+    lists.into_iter().flatten().any(|key| match key.split_once(".*.") {
+        None => is_table(table, key),
+        Some((list, rest)) => {
+            let items = at(table, list).and_then(|list| list.as_array()).map_or(0, Vec::len);
+            (0..items).any(|i| is_table(table, &format!("{list}.{i}.{rest}")))
+        }
+    })
+}
+
+/// What a list has one number for, with the places of each array among them.
+#[derive(Clone, Debug, Default)]
+struct Entries {
+    names: Vec<String>,
+    groups: Vec<Range<usize>>,
+}
+
+impl Entries {
+    fn of(names: &[String]) -> Self {
+        Self { names: names.to_vec(), groups: Variable::groups(names) }
+    }
+}
+
+/// The number for a name that a table does not have, where there is one.
+fn default_of(key: &str) -> Option<f64> {
+    match key {
+        "control.q" | "control.q_terminal" | "control.r" => Some(0.0),
+        _ if layers::may_be_infinite(key) => {
+            Some(if key.ends_with("low") { f64::NEG_INFINITY } else { f64::INFINITY })
+        }
+        _ => None,
+    }
 }
 
 struct Lists<'a> {
-    equations: Equations,
+    equations: Option<Equations>,
     table: &'a mut Table,
     written: Vec<(String, Value)>,
 }
@@ -137,12 +191,12 @@ struct Lists<'a> {
 impl Lists<'_> {
     /// A list of names, in which `T` stands for all elements of an array and `T[n]` or `T[2..n]`
     /// for some: the places that each entry has in the new list. None if there is no such list.
-    fn names(&mut self, key: &str, known: &[String]) -> Checked<Option<Vec<Range<usize>>>> {
+    fn names(&mut self, key: &str, known: &[String]) -> Checked<Option<Entries>> {
         let Some(Value::Array(list)) = at(self.table, key) else { return Ok(None) };
         let (mut all, mut groups) = (Vec::new(), Vec::new());
         for entry in &*list {
             let text = entry.as_str().unwrap_or_default();
-            let range = self.equations.indices(text);
+            let range = self.equations.as_ref().and_then(|equations| equations.indices(text));
             let is_meant = |name: &&String| {
                 Variable::split_name(name).is_some_and(|(array, index)| match &range {
                     Some((of, range)) => array == *of && range.contains(&index),
@@ -164,23 +218,58 @@ impl Lists<'_> {
             }
             groups.push(start..all.len());
         }
+        let names = all.iter().map(|name| name.as_str().unwrap_or_default().to_owned()).collect();
         if all != *list {
             let old = std::mem::replace(list, all);
             self.written.push((key.to_owned(), Value::Array(old)));
         }
-        Ok(Some(groups))
+        Ok(Some(Entries { names, groups }))
     }
 
-    fn numbers(&mut self, keys: &[&str], groups: &[Range<usize>]) -> Checked<()> {
+    fn numbers(&mut self, keys: &[&str], entries: &Entries) -> Checked<()> {
         for key in keys {
             let Some((list, rest)) = key.split_once(".*.") else {
-                self.list(key, groups)?;
+                self.by_name(key, &entries.names)?;
+                self.list(key, &entries.groups)?;
                 continue;
             };
             let Some(Value::Array(items)) = at(self.table, list) else { continue };
             for i in 0..items.len() {
-                self.list(&format!("{list}.{i}.{rest}"), groups)?;
+                let key = format!("{list}.{i}.{rest}");
+                self.by_name(&key, &entries.names)?;
+                self.list(&key, &entries.groups)?;
             }
+        }
+        Ok(())
+    }
+
+    /// Makes a list of a table by name, in which `T` stands for all elements of an array.
+    fn by_name(&mut self, key: &str, names: &[String]) -> Checked<()> {
+        let Some(Value::Table(given)) = at(self.table, key) else { return Ok(()) };
+        let default = default_of(key).map(Value::Float);
+        let mut all = vec![default; names.len()];
+        for (name, value) in &*given {
+            let is_meant = |of: &String| {
+                of == name || Variable::split_name(of).is_some_and(|(array, _)| array == name)
+            };
+            let mut places = (0..names.len()).filter(|i| is_meant(&names[*i])).peekable();
+            if places.peek().is_none() {
+                let (found, known) = (name.clone(), names.to_vec());
+                let nearest = nearest(name, &known);
+                return Err((in_errors(key), Problem::Word { found, known, nearest }));
+            }
+            for place in places {
+                all[place] = Some(value.clone());
+            }
+        }
+        if let Some(missing) = all.iter().position(Option::is_none) {
+            let found = format!("a table without `{}`", names[missing]);
+            let expected = format!("a value for each of {}", names.join(", "));
+            return Err((in_errors(key), Problem::Value { found, expected }));
+        }
+        let all = Value::Array(all.into_iter().flatten().collect());
+        if let Some(table) = at(self.table, key) {
+            self.written.push((key.to_owned(), std::mem::replace(table, all)));
         }
         Ok(())
     }

@@ -143,7 +143,7 @@ impl Experiment {
 
     /// The experiment of a resolved table, checked; or the key and what is wrong with its value.
     fn from_table(mut table: Table, plants: &Plants) -> Result<Self, (String, Problem)> {
-        let as_written = arrays::write_out(&mut table)?;
+        let as_written = arrays::write_out(&mut table, plants)?;
         let mut experiment = Self::deserialized(table)?;
         experiment.as_written = as_written;
         experiment.plants = plants.clone();

@@ -5,4 +5,5 @@ mod common;
 mod config;
 mod estimator;
 mod guide;
+mod names;
 mod times;

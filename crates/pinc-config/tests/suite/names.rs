@@ -1,0 +1,103 @@
+//! Lists that are written by name.
+
+use crate::common::parse;
+use pinc_config::Experiment;
+use pinc_mpc::Weight;
+
+const CONFIG: &str = r#"
+name = "names"
+preset = "ours"
+seed = 1
+
+[plant.expression]
+states = ["h1", "h2", "T[2]"]
+inputs = ["pump", "heat"]
+
+[plant.expression.derivatives]
+h1 = "pump - h1"
+h2 = "h1 - h2"
+"T[1]" = "heat - T[1]"
+"T[2]" = "T[1] - T[2]"
+
+[plant.expression.outputs]
+level = "h1 + h2"
+flow = "h1 - h2"
+
+[control]
+models = ["rk4"]
+step_s = 1.0
+duration_s = 10.0
+initial_state = { h1 = 1.0, h2 = 2.0, T = 300.0 }
+controlled = ["h2", "level"]
+q = { level = 3.0 }
+r = { heat = 0.5 }
+state_low = { h2 = 0.1 }
+output_high = { flow = 4.0 }
+input_low = { pump = 0.0, heat = -1.0 }
+input_high = { heat = 1.0, pump = 2.0 }
+references = [{ start_s = 0.0, value = { level = 5.0, h2 = 1.0 } }]
+"#;
+
+/// The config with another value for a key.
+fn with(set: &str) -> Result<Experiment, String> {
+    parse(CONFIG, &[set]).map_err(|error| error.to_string())
+}
+
+#[test]
+fn a_table_by_name_is_the_list_in_order() {
+    let experiment = parse(CONFIG, &[]).unwrap();
+    let control = experiment.control.as_ref().unwrap();
+    let none = f64::NEG_INFINITY;
+    assert_eq!(format!("{:?}", control.initial_state), "[1.0, 2.0, 300.0, 300.0]");
+    assert_eq!(control.q, Weight::Diagonal(vec![0.0, 3.0]));
+    assert_eq!(control.r, Weight::Diagonal(vec![0.0, 0.5]));
+    assert_eq!(format!("{:?}", control.state_low), format!("{:?}", Some([none, 0.1, none, none])));
+    // Outputs are in the order of their names.
+    assert_eq!(format!("{:?}", control.output_high), "Some([4.0, inf])");
+    assert_eq!(
+        format!("{:?} {:?}", control.input_low, control.input_high),
+        "[0.0, -1.0] [2.0, 1.0]"
+    );
+    assert_eq!(format!("{:?}", control.references[0].value), "[1.0, 5.0]");
+    // The resolved config has the lists, and can be read again.
+    let again = parse(&experiment.to_toml(), &[]).unwrap();
+    assert_eq!(again, experiment);
+    let lists = with("control.state_low=[-inf, 0.1, -inf, -inf]").unwrap();
+    assert_eq!(lists, experiment);
+}
+
+#[test]
+fn names_that_are_unknown_or_missing_are_said() {
+    for (set, parts) in [
+        (
+            "control.state_low={ h3 = 0.1 }",
+            ["control.state_low", "`h3` is not known", "did you mean `h"],
+        ),
+        (
+            "control.initial_state={ h1 = 1.0 }",
+            ["control.initial_state", "without `h2`", "h1, h2, T[1], T[2]"],
+        ),
+        ("control.input_low={ pump = 0.0 }", ["control.input_low", "without `heat`", "pump, heat"]),
+        ("control.q={ h1 = 1.0 }", ["control.q", "`h1`", "h2, level"]),
+        ("control.state_low={ h1 = inf }", ["control.state_low.h1", "inf", "a finite number"]),
+        (
+            "control.state_high=[nan, 1.0, 1.0, 1.0]",
+            ["control.state_high[0]", "NaN", "a finite number"],
+        ),
+        ("control.input_high=[inf, 1.0]", ["control.input_high[0]", "inf", "a finite number"]),
+    ] {
+        let message = with(set).unwrap_err();
+        for part in parts {
+            assert!(message.contains(part), "{set}: no `{part}` in {message}");
+        }
+    }
+}
+
+/// Plants that are no text have names too.
+#[test]
+fn built_in_plants_have_names() {
+    let tanks = crate::common::read("configs/four-tanks/control.toml");
+    let by_list = parse(&tanks, &["control.state_low=[-inf, -inf, 0.6, 0.6]"]).unwrap();
+    let by_name = parse(&tanks, &["control.state_low={ h3 = 0.6, h4 = 0.6 }"]).unwrap();
+    assert_eq!(by_list, by_name);
+}
