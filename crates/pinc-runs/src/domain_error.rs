@@ -25,11 +25,12 @@ pub(super) fn judge(
         return Ok(None);
     }
     let judged = truth.judge(&mut PincModel::new(net)?);
-    let rk4 = |substeps| {
-        let model = plant.model(Integrator::Rk4, sample_time_s, substeps);
-        model.map(|mut model| truth.rms(&mut *model))
+    let rk4 = |substeps| match plant.model(Integrator::Rk4, sample_time_s, substeps) {
+        Ok(mut model) => truth.rms(&mut *model),
+        // A plant without an equation has no such error.
+        Err(_) => f64::NAN,
     };
-    let rk4 = Rk4Errors { one: rk4(1)?, two: rk4(2)?, four: rk4(4)? };
+    let rk4 = Rk4Errors { one: rk4(1), two: rk4(2), four: rk4(4) };
     let parameters: Vec<_> = net.parameter_names().map(str::to_owned).collect();
     if run_dir.keeps_traces() {
         let variables = [net.state_names(), net.input_names(), &parameters].concat();

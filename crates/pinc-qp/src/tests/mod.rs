@@ -174,6 +174,10 @@ fn same_inputs(qp: &Qp, a: &QpStep, b: &QpStep, tolerance: f64) -> Result<(), Te
 /// The residual that an SQP iteration is to come down to.
 const SHARP: f64 = 1e-8;
 
+/// How far apart the inputs of two methods may be: programs whose curvature is a twentieth of their
+/// entries' size are among the random ones, and some in ten thousand are flatter.
+const APART: f64 = 3e-7;
+
 /// The three methods agree, from any guess.
 fn all_agree(qp: &Qp, signs: &[i8]) -> Result<(), TestCaseError> {
     let cold = QpStep::new(qp.dims);
@@ -183,23 +187,23 @@ fn all_agree(qp: &Qp, signs: &[i8]) -> Result<(), TestCaseError> {
 
     let mut condensed = CondensedQp::new(qp);
     let exact = solve(&mut condensed, qp, &cold, SHARP)?;
-    same_inputs(qp, &exact, &solve(&mut condensed, qp, &arbitrary, SHARP)?, 1e-7)?;
-    same_inputs(qp, &exact, &solve(&mut condensed, qp, &exact, SHARP)?, 1e-7)?;
+    same_inputs(qp, &exact, &solve(&mut condensed, qp, &arbitrary, SHARP)?, APART)?;
+    same_inputs(qp, &exact, &solve(&mut condensed, qp, &exact, SHARP)?, APART)?;
     prop_assert!(condensed.changes() <= 1);
     let mut fresh = CondensedQp::new(qp);
-    same_inputs(qp, &exact, &solve(&mut fresh, qp, &exact, SHARP)?, 1e-7)?;
+    same_inputs(qp, &exact, &solve(&mut fresh, qp, &exact, SHARP)?, APART)?;
     prop_assert!(fresh.changes() <= 1, "{}", fresh.changes());
 
     if !qp.w.is_empty() {
         return general_agrees(qp, &exact);
     }
     let mut riccati = RiccatiQp::new(qp);
-    same_inputs(qp, &exact, &solve(&mut riccati, qp, &cold, SHARP)?, 1e-7)?;
-    same_inputs(qp, &exact, &solve(&mut riccati, qp, &arbitrary, SHARP)?, 1e-7)?;
-    same_inputs(qp, &exact, &solve(&mut riccati, qp, &exact, SHARP)?, 1e-7)?;
+    same_inputs(qp, &exact, &solve(&mut riccati, qp, &cold, SHARP)?, APART)?;
+    same_inputs(qp, &exact, &solve(&mut riccati, qp, &arbitrary, SHARP)?, APART)?;
+    same_inputs(qp, &exact, &solve(&mut riccati, qp, &exact, SHARP)?, APART)?;
     let mut riccati = RiccatiQp::new(qp).with_from_scratch(Some(condensed));
-    same_inputs(qp, &exact, &solve(&mut riccati, qp, &cold, SHARP)?, 1e-7)?;
-    same_inputs(qp, &exact, &solve(&mut riccati, qp, &arbitrary, SHARP)?, 1e-7)?;
+    same_inputs(qp, &exact, &solve(&mut riccati, qp, &cold, SHARP)?, APART)?;
+    same_inputs(qp, &exact, &solve(&mut riccati, qp, &arbitrary, SHARP)?, APART)?;
 
     general_agrees(qp, &exact)
 }

@@ -3,4 +3,5 @@
 mod brackets;
 mod estimates;
 mod points;
+mod soundness;
 mod support;
