@@ -42,7 +42,7 @@ fn cases() -> Vec<Case> {
     let mixer = || equations(&[("x", "(u - x)/(1 + x^2)"), ("y", "exp(-y)*x - sqrt(1 + y)")]);
     let square = |size: f64| vec![[-size, size], [-size, size], [-1.0, 1.0]];
     let positive = || vec![[0.2, 2.0], [0.2, 2.0], [0.0, 0.5]];
-    let levels = || [vec![[4.0, 12.0]; 4], vec![[0.0, 4.0]; 2]].concat();
+    let levels = || [vec![[6.0, 9.0]; 4], vec![[1.0, 2.0]; 2]].concat();
     let case =
         |name, equations, domain, step_s, model| Case { name, equations, domain, step_s, model };
     let rk4 = |substeps| Kind::Method(Integrator::Rk4, substeps);
