@@ -264,7 +264,7 @@ proptest! {
         let exact = solve(methods[0].as_mut(), &qp, &cold, SHARP)?;
         for method in &mut methods {
             method.solve(&other, &mut cold.clone(), &mut || false);
-            same_inputs(&qp, &exact, &solve(method.as_mut(), &qp, &cold, SHARP)?, 1e-7)?;
+            same_inputs(&qp, &exact, &solve(method.as_mut(), &qp, &cold, SHARP)?, APART)?;
         }
         #[cfg(feature = "clarabel")]
         {
