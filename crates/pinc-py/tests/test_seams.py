@@ -174,7 +174,7 @@ def test_measured_parameters_are_those_of_the_schedule(tmp_path: Path) -> None:
 @pytest.mark.parametrize("name", [name for name in SHIPPED if name not in LOOPS])
 def test_a_config_without_a_loop_has_no_controller(name: str) -> None:
     # A list of runs is no experiment.
-    key = "preset" if "runs" in SHIPPED[name] else r"\[control\]"
+    key = "a list of runs" if "runs" in SHIPPED[name] else r"\[control\]"
     with pytest.raises(pinc.InputError, match=key):
         pinc.Nmpc(CONFIGS / name, only="rk4")
 
