@@ -355,8 +355,11 @@ impl Nmpc {
             substitute.continue_from(self);
         }
         let planned = self.plan_step(x, reference, expired);
-        let trusted = !planned.followed
-            || guard.judge.trusts(&self.start, self.plan.first_input(), &self.parameters);
+        if !planned.followed {
+            return Ok(planned);
+        }
+        let u = self.plan.first_input();
+        let trusted = guard.judge.trusts(&self.start, u, &self.parameters);
         let trust = match (trusted, &mut guard.substitute) {
             (true, _) => Trust::Trusted,
             (false, None) => Trust::Doubted,

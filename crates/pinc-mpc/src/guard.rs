@@ -1,4 +1,4 @@
-//! What is done about a model that may be wrong where a plan begins.
+//! A judge of the model where a plan begins, and the controller that takes over.
 
 use crate::Nmpc;
 use std::fmt::{self, Debug};
@@ -27,7 +27,7 @@ pub trait Judge: Debug + Send {
 /// Whether the model was trusted in the first step of a plan.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Trust {
-    /// There is no [`Judge`].
+    /// There is no [`Judge`], or no plan that was followed.
     #[default]
     NotJudged,
     /// The step is as good as is asked for.

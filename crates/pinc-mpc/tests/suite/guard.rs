@@ -110,3 +110,13 @@ fn a_substitute_of_another_size_is_refused() {
     let refused = guarded(0.0, 0, Some(other.unwrap())).unwrap_err().to_string();
     assert!(refused.contains("the substitute's delay"), "{refused}");
 }
+
+/// A step whose time was up follows the plan before, which was judged then.
+#[test]
+fn a_plan_that_is_not_followed_is_not_judged() {
+    let mut nmpc = guarded(f64::INFINITY, 0, None).unwrap();
+    let reference = vec![0.0; nmpc.problem().horizon * 2];
+    assert_eq!(nmpc.step(&[0.8, 0.3], &reference).unwrap().trust, Trust::Doubted);
+    let late = nmpc.step_within(&[0.6, -0.2], &reference, &mut || true).unwrap();
+    assert_eq!((late.followed, late.trust), (false, Trust::NotJudged));
+}
