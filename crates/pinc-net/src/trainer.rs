@@ -13,9 +13,6 @@ use crate::{
 use pinc_ode::DynRhs;
 use serde::{Deserialize, Serialize};
 
-/// Iterations after points were added.
-const REFINEMENT: u64 = 1000;
-
 /// The complete state of a training. A training resumed from it gives the same bits as one that
 /// was never interrupted.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -85,6 +82,9 @@ impl LeastSquares for Counted<'_> {
 }
 
 impl Trainer {
+    /// Iterations of [`Trainer::refine`], at most.
+    pub const REFINEMENT: u64 = 1000;
+
     /// Begins the `training` of a fresh net. `validation` is usually [`Training::validation_set`],
     /// with held-out measurements or without.
     ///
@@ -284,8 +284,8 @@ impl Trainer {
         Ok(Progress::Iterated(self.record(fresh_loss)))
     }
 
-    /// Adds `points` to the sample for good and trains the net selected so far for 1000 more iterations
-    /// of the last phase. From then on the last net is selected, whatever its accuracy.
+    /// Adds `points` to the sample for good and trains the net selected so far for
+    /// [`Trainer::REFINEMENT`] more iterations of the last phase. From then on the last net is selected, whatever its accuracy.
     ///
     /// # Errors
     ///
@@ -306,7 +306,7 @@ impl Trainer {
     /// How many iterations the present phase has at most.
     fn phase_limit(&self) -> u64 {
         let own = self.config.phases[self.state.phase].iterations;
-        if self.state.extra.is_empty() { own } else { REFINEMENT }
+        if self.state.extra.is_empty() { own } else { Self::REFINEMENT }
     }
 
     /// Iterates to the end and validates whenever a validation is due.

@@ -1,7 +1,7 @@
 //! Training until the error of a step is proven, and the certificate of it in the model file.
 
 use crate::RunError;
-use crate::certify::{hash, variables};
+use crate::certify::{ends, hash, step_error, variables};
 use crate::progress::{Stage, Verbosity};
 use pinc_config::Experiment;
 use pinc_net::{PincNet, Points};
@@ -54,23 +54,24 @@ impl std::fmt::Display for Certificate {
     }
 }
 
-/// The step of `net` beside the flow of the experiment's equation, with a hash of that.
-pub(crate) fn step_error(
+/// The step of `net` beside the flow of the experiment's equation; an error that names `command` if
+/// it cannot be enclosed.
+fn net_error(
     experiment: &Experiment,
     net: &PincNet,
     command: &'static str,
-) -> Result<(StepError, String), RunError> {
-    let refused =
-        |reason: String| RunError::usage(&experiment.name, format!("{command}: {reason}"));
-    let no_equation = || "the plant is a black box: it has no equation to enclose".to_owned();
-    let equations = experiment.plant.equations().ok_or_else(no_equation).map_err(refused)?;
+) -> Result<StepError, RunError> {
     let varying: Vec<&str> = net.parameter_names().collect();
-    let listing = equations.listing(&varying).map_err(|error| refused(error.to_string()))?;
-    let inputs = net.input_names().len();
-    let model = StepModel::Net(net);
-    let error = StepError::new(&equations, &varying, inputs, model, net.sample_time_s());
-    let error = error.map_err(|error| refused(error.to_string()))?;
-    Ok((error, hash(format!("{listing:?}").as_bytes())))
+    let error = step_error(&experiment.plant, &varying, StepModel::Net(net), net.sample_time_s());
+    error.map_err(|reason| RunError::usage(&experiment.name, format!("{command}: {reason}")))
+}
+
+/// SHA-256 of the equation that `net` stands for, as a list of operations; none for a plant that
+/// cannot be listed.
+pub(crate) fn equation(experiment: &Experiment, net: &PincNet) -> Option<String> {
+    let varying: Vec<&str> = net.parameter_names().collect();
+    let listing = experiment.plant.equations()?.listing(&varying).ok()?;
+    Some(hash(format!("{listing:?}").as_bytes()))
 }
 
 /// A tolerance per state of the net; infinite for states that are not named.
@@ -96,8 +97,8 @@ pub(crate) fn attempt(
     (threads, verbosity): (usize, Verbosity),
     is_interrupted: &dyn Fn() -> Result<(), RunError>,
 ) -> Result<Attempt, RunError> {
-    let (error, equation) = step_error(experiment, net, "training.proven_tolerance")?;
-    let domain: Vec<[f64; 2]> = net.domain().ends().map(|(low, high)| [low, high]).collect();
+    let error = net_error(experiment, net, "training.proven_tolerance")?;
+    let domain = ends(net.domain());
     let settings =
         SearchSettings { tolerance: Some(tolerance.to_vec()), ..SearchSettings::default() };
     let found = Search::new(&error, &domain, settings, threads);
@@ -106,8 +107,8 @@ pub(crate) fn attempt(
         reason: error.to_string(),
     })?;
     let is_near = |bracket: &Bracket| {
-        let pairs = bracket.found.iter().zip(tolerance);
-        pairs.clone().any(|(found, most)| found.error > MARGIN * most)
+        let mut pairs = bracket.found.iter().zip(tolerance);
+        pairs.any(|(found, most)| found.error > MARGIN * most)
     };
     if is_near(&search.bracket()) {
         return Ok(Attempt::Refuted);
@@ -133,7 +134,7 @@ pub(crate) fn attempt(
     Ok(Attempt::Proven(Box::new(Certificate {
         version: env!("CARGO_PKG_VERSION").to_owned(),
         net: hash(&net.to_bytes()),
-        equation,
+        equation: equation(experiment, net).unwrap_or_default(),
         tolerance: asked.filter(|(_, most)| most.is_finite()).collect(),
         proven: states.zip(bracket.proven).collect(),
         domain: variables(net).into_iter().zip(domain).collect(),
@@ -149,8 +150,8 @@ pub(crate) fn worst_points(
     seed: u64,
     threads: usize,
 ) -> Result<Points, RunError> {
-    let (error, _) = step_error(experiment, net, "training.proven_tolerance")?;
-    let domain: Vec<[f64; 2]> = net.domain().ends().map(|(low, high)| [low, high]).collect();
+    let error = net_error(experiment, net, "training.proven_tolerance")?;
+    let domain = ends(net.domain());
     let (n, m) = (net.state_names().len(), net.input_names().len());
     let mut points = Points::new(net.dims());
     for point in error.worst_points(&domain, WORST, tolerance, seed, threads) {
@@ -173,8 +174,7 @@ pub(crate) fn worst_points(
 #[must_use]
 pub fn certified(net: &PincNet, certificate: &Certificate) -> Vec<u8> {
     let bytes = net.to_bytes();
-    let (header, data) = split(&bytes).expect("a model file that was just made");
-    let mut header = header;
+    let (mut header, data) = split(&bytes).expect("a model file that was just made");
     header["__metadata__"][KEY] = serde_json::json!(certificate).to_string().into();
     let mut text = header.to_string().into_bytes();
     text.resize(text.len().next_multiple_of(8), b' ');

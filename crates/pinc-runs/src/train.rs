@@ -294,7 +294,7 @@ impl Session {
             let seed = experiment.seed ^ self.trainer.totals().iterations;
             let worst = proof::worst_points(experiment, &net, &tolerance, seed, threads)?;
             self.trainer.refine(&worst)?;
-            self.stage.set_total(self.trainer.totals().iterations + 1000);
+            self.stage.set_total(self.trainer.totals().iterations + Trainer::REFINEMENT);
             if work(self)? == TIME_LIMIT {
                 return Err(refused("training.time_limit_s is over".to_owned()));
             }

@@ -1,6 +1,7 @@
 //! The model whose step is judged, with the plant that it stands for.
 
 use super::points::Judged;
+use super::{ends, step_error};
 use crate::RunError;
 use crate::read_matching_model;
 use pinc_config::{Experiment, ModelKind};
@@ -76,14 +77,8 @@ impl Subject {
             (None, None) => unreachable!("a net is given, or else an explicit method"),
         };
         let inputs = variables.input_names();
-        let error = match experiment.plant.equations() {
-            Some(equations) => {
-                let error = StepError::new(&equations, &varying, inputs.len(), step, sample_time_s);
-                error.map_err(|error| error.to_string())
-            }
-            None => Err("the plant is a black box: it has no equation to enclose".to_owned()),
-        };
-        let ends: Vec<[f64; 2]> = domain.ends().map(|(low, high)| [low, high]).collect();
+        let error = step_error(&experiment.plant, &varying, step, sample_time_s);
+        let ends = ends(domain);
         let mut key = bytes.unwrap_or_default();
         key.extend(
             format!("{kind} {substeps} {sample_time_s} {ends:?} {:?}", experiment.plant).bytes(),
