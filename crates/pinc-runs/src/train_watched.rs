@@ -45,7 +45,7 @@ pub struct TrainedNet {
 ///
 /// # Errors
 ///
-/// [`RunError`] if the config has no training, or the training fails.
+/// [`RunError`] if the config has no training, asks for a proof, or the training fails.
 pub fn train_watched(
     experiment: &Experiment,
     mut watch: impl FnMut(&TrainingProgress) -> ControlFlow<()>,
@@ -53,6 +53,11 @@ pub fn train_watched(
     let begun = Instant::now();
     let elapsed_s = || begun.elapsed().as_secs_f64();
     let setup = TrainingSetup::of(experiment)?;
+    if !setup.training.proven_tolerance.is_empty() {
+        let problem = "training.proven_tolerance needs a run directory: use `pinc train`, or \
+                       `pinc.run` in Python";
+        return Err(RunError::usage(&experiment.name, problem));
+    }
     let plant = &*experiment.plant.family(&experiment.varying());
     let (inputs, test) = setup.inputs(plant, experiment)?;
     let mut trainer = inputs.trainer(setup.threads())?;

@@ -133,6 +133,11 @@ impl Experiment {
             }
             measurements(data)?;
             names::unknown_parameters(self, data)?;
+            let is_proven = self.training.as_ref().is_some_and(|t| !t.proven_tolerance.is_empty());
+            if is_proven && !data.parameters.is_empty() {
+                let expected = "no such key with data.parameters, whose equation is not known";
+                return value("training.proven_tolerance", "a table", expected);
+            }
             if self.model.as_ref().is_some_and(|model| model.time_only.is_some()) {
                 let expected = "no such key with [data], whose scenarios differ";
                 return value("model.time_only", "a single scenario", expected);

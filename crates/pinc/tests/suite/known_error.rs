@@ -4,9 +4,10 @@ use crate::common::{Outcome, outcome, pinc, smoke};
 use crate::ways::Served;
 use pinc::ode::Dopri5;
 use pinc::plants::VanDerPol;
-use pinc_config::ModelKind;
+use pinc_config::{Experiment, ModelKind};
 use serde_json::{Value, json};
 use std::fs;
+use std::ops::ControlFlow;
 use std::path::Path;
 
 /// Trains the smoke config's net for `iterations` and returns its file.
@@ -141,6 +142,19 @@ fn tolerances_name_states_and_are_positive() {
     control("control.on_error=\"correct\"", &["control.on_error", "control.error_tolerance"]);
     let proven = "training.proven_tolerance={ x1 = -1.0 }";
     control(proven, &["training.proven_tolerance.x1", "a positive number"]);
+    // Without a run directory there is no model file for the certificate.
+    let proven = ["training.proven_tolerance={ x1 = 1.0 }".to_owned()];
+    let plants = pinc_config::Plants::built_in();
+    let experiment = Experiment::parse("smoke.toml".as_ref(), &smoke(), &proven, &plants).unwrap();
+    let refused = pinc_runs::train_watched(&experiment, |_| ControlFlow::Continue(()));
+    let message = refused.unwrap_err().to_string();
+    assert!(message.contains("training.proven_tolerance") && message.contains("`pinc.run`"));
+    let unknown = "data={ files = [\"d.csv\"], weight = 1.0, parameters = [\"mu\"] }";
+    let sets = [proven[0].clone(), unknown.to_owned()];
+    let refused = Experiment::parse("smoke.toml".as_ref(), &smoke(), &sets, &plants);
+    let message = refused.unwrap_err().to_string();
+    assert!(message.contains("training.proven_tolerance"), "{message}");
+    assert!(message.contains("data.parameters"), "{message}");
     control("training.proven={ x1 = 1.0 }", &["training.proven", "proven_tolerance"]);
 }
 
