@@ -2,6 +2,7 @@
 
 use crate::kalman::{Kalman, subtract};
 use crate::{Correction, EstimateError, Estimator, EstimatorStatus, Tuning};
+use pinc_mpc::Memory;
 use pinc_ode::{Dims, Linearization, LinearizationBuffer, Model, OutputLinearization, Stages};
 use pinc_qp::all_finite;
 
@@ -150,5 +151,11 @@ impl Estimator for Ekf {
 
     fn innovation(&self) -> &[f64] {
         &self.innovation
+    }
+
+    fn remember(&mut self, memory: &mut Memory<'_>) {
+        memory.numbers(&mut self.z);
+        memory.numbers(&mut self.u);
+        self.kalman.remember(memory);
     }
 }

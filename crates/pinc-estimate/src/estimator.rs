@@ -2,6 +2,7 @@
 
 use crate::error::check;
 use crate::{EstimateError, Gate};
+use pinc_mpc::Memory;
 use pinc_ode::Dims;
 use std::fmt::{self, Debug};
 
@@ -54,6 +55,11 @@ pub trait Estimator: Debug + Send {
     /// The innovation of the last correction, measured minus expected, `ny`; NaN where the
     /// measurement was missing or rejected.
     fn innovation(&self) -> &[f64];
+
+    /// Saves what the estimator knows from its past, or restores it into one with the same model and
+    /// tuning. After a restoration for which [`Memory::is_complete`] does not hold,
+    /// [`Estimator::reset`] it.
+    fn remember(&mut self, memory: &mut Memory<'_>);
 }
 
 /// The result of a correction.

@@ -2,6 +2,7 @@
 
 use crate::estimator::variances;
 use crate::{EstimateError, EstimatorStatus, Tuning};
+use pinc_mpc::Memory;
 
 /// The innovation gate: how far a reading may be from what is expected of it.
 ///
@@ -125,6 +126,12 @@ impl Gatekeeper {
     pub(crate) fn reset(&mut self) {
         self.rejected.fill(false);
         self.doubt.fill(0);
+    }
+
+    /// Saves or restores what was rejected.
+    pub(crate) fn remember(&mut self, memory: &mut Memory<'_>) {
+        self.rejected.iter_mut().for_each(|rejected| memory.flag(rejected));
+        self.doubt.iter_mut().for_each(|doubt| memory.count(doubt, MOST_DOUBT));
     }
 
     /// Whether an innovation of this variance passes.

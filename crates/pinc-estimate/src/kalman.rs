@@ -5,6 +5,7 @@ use crate::estimator::{limit, variances, write_diagonal};
 use crate::gate::{Gatekeeper, Judgement};
 use crate::matrix::{add_scaled, dot, factor, multiply, propagate, solve_lower};
 use crate::{Correction, Tuning};
+use pinc_mpc::Memory;
 use pinc_qp::all_finite;
 
 /// A covariance P with the noises that change it, in the form of Joseph: A P A' + Q and (I - K H) P
@@ -56,6 +57,12 @@ impl Kalman {
     pub(crate) fn reset(&mut self, tuning: &Tuning) {
         write_diagonal(&tuning.initial_sd, &mut self.p);
         self.gate.reset();
+    }
+
+    /// Saves or restores P and what was rejected.
+    pub(crate) fn remember(&mut self, memory: &mut Memory<'_>) {
+        memory.numbers(&mut self.p);
+        self.gate.remember(memory);
     }
 
     pub(crate) fn covariance(&self) -> &[f64] {

@@ -5,6 +5,7 @@ use crate::gate::{Gatekeeper, Judgement};
 use crate::kalman::{mirror, subtract};
 use crate::matrix::{add_scaled, dot, factor, solve_lower};
 use crate::{Correction, EstimateError, Estimator, EstimatorStatus, Tuning};
+use pinc_mpc::Memory;
 use pinc_ode::{Dims, Model};
 use pinc_qp::all_finite;
 
@@ -447,5 +448,12 @@ impl Estimator for Ukf {
 
     fn innovation(&self) -> &[f64] {
         &self.innovation
+    }
+
+    fn remember(&mut self, memory: &mut Memory<'_>) {
+        for part in [&mut self.z, &mut self.p, &mut self.u] {
+            memory.numbers(part);
+        }
+        self.gate.remember(memory);
     }
 }

@@ -7,6 +7,7 @@ use crate::guard::{Guard, Trust};
 use crate::guess::{Guess, Phase};
 use crate::horizon::Horizon;
 use crate::kkt::KktResidual;
+use crate::memory::Memory;
 use crate::report::{Planned, StepReport};
 use crate::solution::Solution;
 use crate::sqp::{Outcome, PlanState, Sqp, StepInput};
@@ -383,10 +384,25 @@ impl Nmpc {
         self.start.copy_from_slice(&other.start);
         self.guess = other.guess;
         self.plan_state = other.plan_state;
-        self.phase = match other.phase {
-            Phase::Linearized => Phase::Shifted,
-            phase => phase,
-        };
+        self.phase = other.phase.without_linearization();
+    }
+
+    /// Saves what the next step starts from, or restores it into a controller for the same problem,
+    /// which then goes on without a bump. After a restoration for which
+    /// [`Memory::is_complete`] does not hold, [`Nmpc::reset`] it.
+    pub fn remember(&mut self, memory: &mut Memory<'_>) {
+        for plan in [&mut self.plan, &mut self.fallback] {
+            memory.numbers(&mut plan.z);
+            plan.multipliers.parts_mut().into_iter().for_each(|part| memory.numbers(part));
+        }
+        for part in [&mut self.previous, &mut self.pending, &mut self.start, &mut self.parameters] {
+            memory.numbers(part);
+        }
+        self.guess.remember(memory);
+        self.phase.remember(memory);
+        self.plan_state.remember(memory);
+        self.sqp.forget();
+        self.sqp.set_parameters(&self.parameters);
     }
 
     /// A step from a finite state, without a guard.
@@ -451,8 +467,10 @@ impl Nmpc {
     /// [`SqpConfig::real_time`], or without a plan to start from, nothing is done.
     pub fn prepare(&mut self) {
         if self.config.real_time && self.is_warm() && self.phase != Phase::Linearized {
-            // Where the plan leads, as long as nothing is measured.
-            self.start.copy_from_slice(&self.plan.states()[..self.dims.nx]);
+            if self.phase == Phase::Solved {
+                // Where the plan leads, as long as nothing is measured.
+                self.start.copy_from_slice(&self.plan.states()[..self.dims.nx]);
+            }
             self.shift_warm_start();
             self.prepare_linearization();
         }

@@ -1,5 +1,7 @@
 //! What a controller remembers of its plan.
 
+use crate::memory::Memory;
+
 /// What the plan is worth as the first guess of the next step.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Guess {
@@ -15,6 +17,26 @@ pub(crate) enum Guess {
     Tentative { waited: usize },
 }
 
+impl Guess {
+    /// Saves or restores it.
+    pub(crate) fn remember(&mut self, memory: &mut Memory<'_>) {
+        let (mut kind, mut detail) = match *self {
+            Self::Cold => (0, 0),
+            Self::Held => (1, 0),
+            Self::Warm { fallback } => (2, usize::from(fallback)),
+            Self::Tentative { waited } => (3, waited),
+        };
+        memory.count(&mut kind, 3);
+        memory.count(&mut detail, usize::MAX);
+        *self = match kind {
+            0 => Self::Cold,
+            1 => Self::Held,
+            2 => Self::Warm { fallback: detail == 1 },
+            _ => Self::Tentative { waited: detail },
+        };
+    }
+}
+
 /// How far the next step is prepared.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Phase {
@@ -24,4 +46,21 @@ pub(crate) enum Phase {
     Shifted,
     /// The problem is linearized along it.
     Linearized,
+}
+
+impl Phase {
+    /// The phase without the linearization, which belongs to one optimizer.
+    pub(crate) fn without_linearization(self) -> Self {
+        match self {
+            Self::Linearized => Self::Shifted,
+            Self::Solved | Self::Shifted => self,
+        }
+    }
+
+    /// Saves or restores it, without the linearization.
+    pub(crate) fn remember(&mut self, memory: &mut Memory<'_>) {
+        let mut is_shifted = self.without_linearization() == Self::Shifted;
+        memory.flag(&mut is_shifted);
+        *self = if is_shifted { Self::Shifted } else { Self::Solved };
+    }
 }

@@ -6,7 +6,7 @@ use crate::errors::{input, of_run};
 use crate::model::Model;
 use numpy::{PyArrayDyn, PyUntypedArrayMethods};
 use pinc_config::ModelKind;
-use pinc_runs::{Follow, LiveController, ModelFile};
+use pinc_runs::{Follow, LiveController, LiveState, ModelFile};
 use pyo3::prelude::*;
 use std::path::PathBuf;
 use std::sync::{Mutex, MutexGuard, PoisonError};
@@ -145,6 +145,17 @@ impl Nmpc {
     /// Forgets everything: the next step is again the first.
     fn reset(&self) -> PyResult<()> {
         self.lock().reset().map_err(|error| of_run(&error))
+    }
+
+    /// What the next step starts from, as JSON.
+    fn state(&self) -> String {
+        self.lock().state().to_json()
+    }
+
+    /// Goes on from the state of another controller of the same config.
+    fn set_state(&self, state: &str) -> PyResult<()> {
+        let state = LiveState::from_json(state).map_err(|error| of_run(&error))?;
+        self.lock().set_state(&state).map_err(|error| of_run(&error))
     }
 
     /// The states of the last plan at the ends of the steps ahead.

@@ -45,6 +45,25 @@ def test_what_it_says_of_itself(smoke: Path) -> None:
     assert "controlled x1, x2" in repr(controller) and "converged" in repr(step)
 
 
+def test_a_state_is_taken_over_without_a_bump() -> None:
+    first, second = pinc.Nmpc(TANKS, only="rk4"), pinc.Nmpc(TANKS, only="rk4")
+    readings = [[2.0 + 0.1 * k, 2.0 - 0.02 * k] for k in range(12)]
+    for y in readings[:6]:
+        first.step(y)
+    second.set_state(first.state())
+    assert second.state() == first.state()
+    for y in readings[6:]:
+        one, other = first.step(y), second.step(y)
+        assert np.allclose(one.u, other.u, rtol=0, atol=1e-9)
+        assert np.allclose(one.x, other.x, rtol=0, atol=1e-9)
+    before = second.state()
+    for wrong in ("", "{}", before.replace("h4", "h5"), before.replace("[2.0", "[2.0, 2.0", 1)):
+        if wrong != before:
+            with pytest.raises(pinc.InputError, match="state"):
+                second.set_state(wrong)
+    assert second.state() == before
+
+
 def test_a_net_that_would_not_be_used_is_refused(smoke: Path, model: pinc.Model) -> None:
     with pytest.raises(pinc.InputError, match="model.*rk4"):
         pinc.Nmpc(smoke, model, only="rk4")

@@ -63,7 +63,7 @@ pub fn export_net(
     let name = name.map_or_else(|| Ok(Name::nearest(&stem)), Name::new)?;
     let origin = Origin {
         proven: proven(&bytes),
-        ..Origin::of_net(&net, env!("CARGO_PKG_VERSION"), &hash(&bytes))
+        ..Origin::of_net(&net, env!("CARGO_PKG_VERSION"), &sha256(&bytes))
     };
     let files = match to {
         Target::C => pinc_export::net_to_c(&net, &name, &origin)?,
@@ -252,7 +252,7 @@ fn origin(content: &[u8], plant: &dyn DynPlant) -> Origin {
     let variables = Variables::of(plant);
     Origin {
         version: env!("CARGO_PKG_VERSION").to_owned(),
-        hash: hash(content),
+        hash: sha256(content),
         states: variables.states,
         inputs: variables.inputs,
         outputs: variables.outputs,
@@ -279,7 +279,7 @@ fn fmu(
 }
 
 /// SHA-256 in hexadecimal digits.
-fn hash(bytes: &[u8]) -> String {
+pub(super) fn sha256(bytes: &[u8]) -> String {
     let digest = Sha256::digest(bytes);
     digest.iter().fold(String::new(), |mut text, byte| {
         // Writing to a String does not fail.

@@ -6,9 +6,10 @@ use super::feedback;
 use super::guard::Guard;
 use super::model_error::{self, SharedLog};
 use crate::RunError;
+use crate::export::sha256;
 use pinc_config::{ControlSpec, Experiment, ModelKind, Variables};
 use pinc_estimate::{Augmentation, Estimator, EstimatorStatus};
-use pinc_mpc::{Nmpc, Reference, SqpStatus, Trust};
+use pinc_mpc::{Memory, Nmpc, Reference, SqpStatus, Trust};
 use pinc_ode::DynPlant;
 use pinc_record::{ModelErrorMetrics, OutsideDomain};
 use std::time::{Duration, Instant};
@@ -28,6 +29,9 @@ pub struct LiveController {
     /// The p of the model, and the places in it of those that are measured.
     parameters: Vec<f64>,
     measured_parameters: Vec<usize>,
+    kind: ModelKind,
+    /// The digest of the net's model file.
+    model_sha256: Option<String>,
     /// What is followed if a step does not say it.
     reference: Reference,
     window: Vec<f64>,
@@ -119,6 +123,8 @@ impl LiveController {
             error_log,
             parameters: chosen.parameters.clone(),
             measured_parameters: chosen.measured.clone(),
+            kind: chosen.kind,
+            model_sha256: chosen.given.as_ref().map(|(bytes, _)| sha256(bytes)),
             reference: setup.reference()?,
             window: vec![0.0; spec.n2 * spec.controlled.len()],
             x: vec![0.0; dims.nx],
@@ -160,6 +166,19 @@ impl LiveController {
         Ok(())
     }
 
+    /// Saves what the next step starts from, or restores it.
+    pub(super) fn remember(&mut self, memory: &mut Memory<'_>) {
+        self.nmpc.remember(memory);
+        if !self.measured_parameters.is_empty() {
+            self.parameters.copy_from_slice(self.nmpc.parameters());
+        }
+        memory.numbers(&mut self.inputs);
+        memory.count(&mut self.done, usize::MAX);
+        if let Some(observer) = &mut self.observer {
+            observer.estimator.remember(memory);
+        }
+    }
+
     /// The controller with its model.
     #[must_use]
     pub fn nmpc(&self) -> &Nmpc {
@@ -170,6 +189,18 @@ impl LiveController {
     #[must_use]
     pub fn spec(&self) -> &ControlSpec {
         &self.spec
+    }
+
+    /// Which of the config's models it works with.
+    #[must_use]
+    pub fn kind(&self) -> ModelKind {
+        self.kind
+    }
+
+    /// The SHA-256 of the model file, in hexadecimal digits, where the model is a net.
+    #[must_use]
+    pub fn model_sha256(&self) -> Option<&str> {
+        self.model_sha256.as_deref()
     }
 
     /// The plant's variables.
@@ -246,7 +277,25 @@ impl LiveController {
         follow: Follow<'_>,
         u_applied: Option<&[f64]>,
     ) -> Result<LiveStep<'_>, RunError> {
+        self.step_within(y, follow, u_applied, self.spec.budget_us)
+    }
+
+    /// [`LiveController::step`] with a time budget of `budget_us` in place of the config's.
+    ///
+    /// # Errors
+    ///
+    /// As [`LiveController::step`].
+    pub fn step_within(
+        &mut self,
+        y: &[f64],
+        follow: Follow<'_>,
+        u_applied: Option<&[f64]>,
+        budget_us: Option<f64>,
+    ) -> Result<LiveStep<'_>, RunError> {
         self.check(y, follow, u_applied)?;
+        if let Some(us) = budget_us.filter(|us| !(*us > 0.0 && us.is_finite())) {
+            return Err(argument("budget_us", us, "a positive time in us"));
+        }
         self.write_window(follow);
         let clock = Instant::now();
         self.observe(y, u_applied);
@@ -256,7 +305,7 @@ impl LiveController {
         if let Some(u) = u_applied {
             self.nmpc.set_applied_input(u)?;
         }
-        let budget = self.spec.budget_us.map(|us| Duration::from_secs_f64(1e-6 * us));
+        let budget = budget_us.map(|us| Duration::from_secs_f64(1e-6 * us));
         let mut expired = || budget.is_some_and(|budget| clock.elapsed() >= budget);
         let step = self.nmpc.step_within(&self.x, &self.window, &mut expired)?;
         let (status, sqp_iterations, kkt) = (step.status, step.sqp_iterations, step.kkt.max());

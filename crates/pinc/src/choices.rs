@@ -5,6 +5,7 @@ use pinc_bench::{OnSlurm, Shard};
 use pinc_config::{ModelKind, OutsidePolicy};
 use pinc_export::FmiVersion;
 use pinc_runs::{Certify, Target};
+use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
 
 /// What to do where a net is evaluated outside its training domain.
@@ -206,4 +207,10 @@ pub(crate) fn share(text: &str) -> Result<f64, String> {
 pub(crate) fn seconds(text: &str) -> Result<f64, String> {
     let seconds = text.parse::<f64>().ok().filter(|s| *s > 0.0 && s.is_finite());
     seconds.ok_or_else(|| "expected a positive number of seconds, as 120".to_owned())
+}
+
+/// An address of this machine that no other machine reaches.
+pub(crate) fn loopback(text: &str) -> Result<SocketAddr, String> {
+    let address = text.parse::<SocketAddr>().ok().filter(|address| address.ip().is_loopback());
+    address.ok_or_else(|| "expected an address of this machine, as 127.0.0.1:5025".to_owned())
 }

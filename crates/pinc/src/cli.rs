@@ -1,7 +1,7 @@
 //! The command line.
 
 use crate::choices::{
-    CertifyArgs, Outside, RunArgs, SetArgs, SweepArgs, To, model_kind, seconds, share,
+    CertifyArgs, Outside, RunArgs, SetArgs, SweepArgs, To, loopback, model_kind, seconds, share,
 };
 use crate::options::{arguments, options};
 use crate::printed::{failure, show, usage};
@@ -11,6 +11,7 @@ use pinc_bench::{BenchOptions, ChooseOptions, Kept, OnSlurm, Shard};
 use pinc_config::{Experiment, ModelKind, Plants, RunList};
 use pinc_record::RunDir;
 use pinc_runs::{Options, RunError, Severity, Verbosity, console, verdict};
+use std::net::{SocketAddr, TcpListener};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
@@ -189,6 +190,10 @@ enum Command {
         /// The model, if it is not to be the config's first.
         #[arg(long, value_parser = model_kind())]
         only: Option<ModelKind>,
+        /// Serve clients at a port of this machine, one after the other, instead of standard input;
+        /// port 0 takes a free one.
+        #[arg(long, value_name = "127.0.0.1:PORT", value_parser = loopback)]
+        listen: Option<SocketAddr>,
         #[command(flatten)]
         set: SetArgs,
     },
@@ -323,10 +328,17 @@ fn execute(cli: &Cli, plants: &Plants) -> Result<ExitCode, RunError> {
             };
             show(quiet, &dir.display().to_string())?;
         }
-        Command::Serve { config, model, only, set } => {
+        Command::Serve { config, model, only, listen, set } => {
             let experiment = Experiment::load(config, &set.set, plants)?;
             let (input, output) = (std::io::stdin().lock(), std::io::stdout().lock());
-            let found = pinc_runs::serve(&experiment, model.as_deref(), *only, input, output)?;
+            let (model, only) = (model.as_deref(), *only);
+            if let Some(address) = listen {
+                let listener = TcpListener::bind(address).map_err(|error| {
+                    RunError::usage("`--listen`", format!("{address}: {error}"))
+                })?;
+                match pinc_runs::serve_clients(&experiment, model, only, &listener, output)? {}
+            }
+            let found = pinc_runs::serve(&experiment, model, only, input, output)?;
             if found.outside > 0 && !quiet {
                 console::note(&format!("warning: {found}"));
             }

@@ -9,7 +9,7 @@ use self::window::Window;
 use crate::estimator::variances;
 use crate::kalman::{Kalman, subtract};
 use crate::{Correction, EstimateError, Estimator, EstimatorStatus, Tuning};
-use pinc_mpc::BarzilaiBorwein;
+use pinc_mpc::{BarzilaiBorwein, Memory};
 use pinc_ode::{Dims, Linearization, LinearizationBuffer, Model, OutputLinearization, Stages};
 use pinc_qp::all_finite;
 use pinc_qp::{Multipliers, QpStatus};
@@ -446,5 +446,14 @@ impl Estimator for Mhe {
 
     fn innovation(&self) -> &[f64] {
         &self.innovation
+    }
+
+    fn remember(&mut self, memory: &mut Memory<'_>) {
+        self.kalman.remember(memory);
+        self.window.remember(memory);
+        memory.numbers(&mut self.u);
+        memory.flag(&mut self.moved_on);
+        let multipliers = &mut self.programs[self.window.steps].multipliers;
+        multipliers.parts_mut().into_iter().for_each(|part| memory.numbers(part));
     }
 }

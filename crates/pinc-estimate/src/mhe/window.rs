@@ -1,5 +1,6 @@
 //! What a moving horizon estimator remembers of the last steps.
 
+use pinc_mpc::Memory;
 use pinc_ode::Dims;
 
 /// The states, inputs and measurements of a window of up to N steps, and what was expected of each
@@ -78,6 +79,15 @@ impl Window {
         self.y[last * ny..(last + 1) * ny].fill(f64::NAN);
         self.prior[last * nx..(last + 1) * nx].copy_from_slice(x);
         self.prior_covariance[last * nx * nx..(last + 1) * nx * nx].copy_from_slice(p);
+    }
+
+    /// Saves or restores it.
+    pub(crate) fn remember(&mut self, memory: &mut Memory<'_>) {
+        memory.count(&mut self.steps, self.most);
+        let parts =
+            [&mut self.x, &mut self.v, &mut self.u, &mut self.before, &mut self.y, &mut self.prior];
+        parts.into_iter().for_each(|part| memory.numbers(part));
+        memory.numbers(&mut self.prior_covariance);
     }
 
     /// The last state, which is the current one.

@@ -178,6 +178,11 @@ class Nmpc:
         """
     def reset(self) -> None:
         """Forgets everything: the next step is again the first, from ``control.initial_input`` on."""
+    def state(self) -> str:
+        """What the next step starts from, as JSON: the plan, the inputs under way, the estimate. It is
+        also what ``pinc serve`` gives for ``save``."""
+    def set_state(self, state: str) -> None:
+        """Goes on from the ``state()`` of another controller of the same config, without a bump."""
     @property
     def predicted_states(self) -> _Array:
         """The states of the last plan at the ends of the steps ahead, ``(horizon, n)``."""

@@ -1,0 +1,129 @@
+//! What a controller or an estimator knows from its past, as numbers.
+
+/// The memory of a controller or an estimator, saved as numbers or restored from them. Each part
+/// goes through its numbers once, in one order, for both directions.
+#[derive(Debug)]
+pub struct Memory<'a>(Direction<'a>);
+
+#[derive(Debug)]
+enum Direction<'a> {
+    Save(&'a mut Vec<f64>),
+    /// The numbers that are left, and whether one was missing or not of its kind.
+    Restore(&'a [f64], bool),
+}
+
+impl<'a> Memory<'a> {
+    /// A memory that appends to `numbers`.
+    #[must_use]
+    pub fn save(numbers: &'a mut Vec<f64>) -> Self {
+        Self(Direction::Save(numbers))
+    }
+
+    /// A memory that was saved as `numbers`.
+    #[must_use]
+    pub fn restore(numbers: &'a [f64]) -> Self {
+        Self(Direction::Restore(numbers, false))
+    }
+
+    /// Goes through numbers. NaN is a number here: one that is missing.
+    pub fn numbers(&mut self, values: &mut [f64]) {
+        match &mut self.0 {
+            Direction::Save(numbers) => numbers.extend_from_slice(values),
+            Direction::Restore(numbers, is_damaged) => {
+                match numbers.split_at_checked(values.len()) {
+                    Some((first, rest)) => {
+                        values.copy_from_slice(first);
+                        *numbers = rest;
+                    }
+                    None => *is_damaged = true,
+                }
+            }
+        }
+    }
+
+    /// Goes through a count from 0 to `most`.
+    #[expect(
+        clippy::cast_precision_loss,
+        clippy::cast_possible_truncation,
+        clippy::cast_sign_loss,
+        reason = "counts are far below 2^53, and those read are checked"
+    )]
+    pub fn count(&mut self, value: &mut usize, most: usize) {
+        let mut number = [*value as f64];
+        self.numbers(&mut number);
+        let [number] = number;
+        if number.fract() == 0.0 && (0.0..=most as f64).contains(&number) {
+            *value = number as usize;
+        } else {
+            self.refuse();
+        }
+    }
+
+    /// Goes through a truth value.
+    pub fn flag(&mut self, value: &mut bool) {
+        let mut count = usize::from(*value);
+        self.count(&mut count, 1);
+        *value = count == 1;
+    }
+
+    fn refuse(&mut self) {
+        if let Direction::Restore(_, is_damaged) = &mut self.0 {
+            *is_damaged = true;
+        }
+    }
+
+    /// Whether every number was there and was used: always when saving.
+    #[must_use]
+    pub fn is_complete(&self) -> bool {
+        match &self.0 {
+            Direction::Save(_) => true,
+            Direction::Restore(rest, is_damaged) => rest.is_empty() && !is_damaged,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[derive(Clone, Debug, PartialEq)]
+    struct Part {
+        values: Vec<f64>,
+        count: usize,
+        flag: bool,
+    }
+
+    impl Part {
+        fn remember(&mut self, memory: &mut Memory<'_>) {
+            memory.numbers(&mut self.values);
+            memory.count(&mut self.count, 9);
+            memory.flag(&mut self.flag);
+        }
+    }
+
+    #[test]
+    fn what_is_saved_is_restored_and_nothing_else() {
+        let mut part = Part { values: vec![1.5, -2.0], count: 7, flag: true };
+        let mut numbers = Vec::new();
+        part.remember(&mut Memory::save(&mut numbers));
+        assert_eq!(numbers, [1.5, -2.0, 7.0, 1.0]);
+        let empty = Part { values: vec![0.0; 2], count: 0, flag: false };
+        let restored = |numbers: &[f64]| {
+            let (mut other, mut memory) = (empty.clone(), Memory::restore(numbers));
+            other.remember(&mut memory);
+            memory.is_complete().then_some(other)
+        };
+        assert_eq!(restored(&numbers), Some(part));
+        for wrong in [
+            &numbers[..3],
+            &[1.5, -2.0, 7.0, 1.0, 0.0],
+            &[1.5, -2.0, 7.5, 1.0],
+            &[1.5, -2.0, 10.0, 1.0],
+            &[1.5, -2.0, -1.0, 1.0],
+            &[1.5, -2.0, f64::NAN, 1.0],
+            &[1.5, -2.0, 7.0, 2.0],
+        ] {
+            assert_eq!(restored(wrong), None, "{wrong:?}");
+        }
+    }
+}
