@@ -10,7 +10,7 @@ use std::path::{Path, PathBuf};
 use toml::{Table, Value};
 
 /// Our crates with the ones of ours that each depends on, from the bottom up.
-const CRATES: [(&str, &[&str]); 22] = [
+const CRATES: [(&str, &[&str]); 23] = [
     ("pinc-ad", &[]),
     ("pinc-qp", &[]),
     ("pinc-chart", &[]),
@@ -86,6 +86,7 @@ const CRATES: [(&str, &[&str]); 22] = [
             "pinc-runs",
         ],
     ),
+    ("pinc-serve", &["pinc-config", "pinc-mpc", "pinc-ode", "pinc-record", "pinc-runs"]),
     (
         "pinc",
         &[
@@ -105,6 +106,7 @@ const CRATES: [(&str, &[&str]); 22] = [
             "pinc-record",
             "pinc-report",
             "pinc-runs",
+            "pinc-serve",
             "pinc-verify",
         ],
     ),

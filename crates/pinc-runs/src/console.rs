@@ -58,7 +58,8 @@ fn turns(c: char) -> bool {
 }
 
 /// A line that can be read, with how much of it is left out.
-pub(crate) fn shortened(line: &str) -> Cow<'_, str> {
+#[must_use]
+pub fn shortened(line: &str) -> Cow<'_, str> {
     let length = line.chars().count();
     if length <= LONG {
         return line.into();

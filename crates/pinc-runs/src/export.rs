@@ -61,10 +61,8 @@ pub fn export_net(
     let net = chainable(model, parse_model(model, &bytes)?)?;
     let stem = model.file_stem().unwrap_or_default().to_string_lossy();
     let name = name.map_or_else(|| Ok(Name::nearest(&stem)), Name::new)?;
-    let origin = Origin {
-        proven: proven(&bytes),
-        ..Origin::of_net(&net, env!("CARGO_PKG_VERSION"), &sha256(&bytes))
-    };
+    let origin =
+        Origin { proven: proven(&bytes), ..Origin::of_net(&net, crate::VERSION, &sha256(&bytes)) };
     let files = match to {
         Target::C => pinc_export::net_to_c(&net, &name, &origin)?,
         Target::Casadi => pinc_export::net_to_casadi(&net, &name, &origin)?,
@@ -251,7 +249,7 @@ pub fn export_plant(
 fn origin(content: &[u8], plant: &dyn DynPlant) -> Origin {
     let variables = Variables::of(plant);
     Origin {
-        version: env!("CARGO_PKG_VERSION").to_owned(),
+        version: crate::VERSION.to_owned(),
         hash: sha256(content),
         states: variables.states,
         inputs: variables.inputs,

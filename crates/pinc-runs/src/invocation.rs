@@ -10,7 +10,7 @@ pub fn invocation(arguments: &[String]) -> Invocation {
     Invocation {
         started: rfc3339(SystemTime::now()),
         command: command.chain(arguments.iter().map(|a| without_places(a))).collect(),
-        version: env!("CARGO_PKG_VERSION").to_owned(),
+        version: crate::VERSION.to_owned(),
         git_commit: option_env!("PINC_GIT_COMMIT").map(str::to_owned),
         git_dirty: option_env!("PINC_GIT_DIRTY").map(|dirty| dirty == "true"),
         rustc: env!("PINC_RUSTC").to_owned(),

@@ -3,8 +3,8 @@
 //!
 //! - [`run`], [`train`] (or [`train_watched`], which writes no files), [`control`], [`predict`],
 //!   [`estimate`], [`identify`], [`certify`], [`check`], [`compare`], [`rebuild_report`];
-//! - [`export_net`], [`export_controller`], [`export_plant`], [`serve`]: nets and controllers for
-//!   other programs; [`LiveController`] is the controller that is served, step by step;
+//! - [`export_net`], [`export_controller`], [`export_plant`]: nets and controllers for
+//!   other programs; [`LiveController`] is a controller for a plant that is somewhere else;
 //! - [`train_shared`], [`run_trial`]: the parts of which sweeps consist.
 //!
 //! With pinc-bench, which is the program around it, this is the part of the project that writes to
@@ -42,8 +42,6 @@ pub mod progress;
 mod proof;
 mod recorded;
 mod recording;
-mod serve;
-mod serve_lines;
 mod shared_library;
 mod single_step;
 mod train;
@@ -67,7 +65,6 @@ pub use pinc_check::{Finding, IntegratorBox, Severity, findings_json};
 pub use predict::predict;
 pub use progress::Verbosity;
 pub use proof::{Certificate, certificate, certified};
-pub use serve::{serve, serve_clients};
 pub use single_step::Steps;
 pub use train::Threads;
 pub use train_watched::{TrainedNet, TrainingProgress, train_watched};
@@ -85,6 +82,9 @@ use pinc_report as report;
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
+
+/// The version of the program.
+pub const VERSION: &str = env!("CARGO_PKG_VERSION");
 
 /// How an experiment is run; nothing here changes its numbers.
 #[derive(Debug)]

@@ -224,7 +224,8 @@ impl LiveController {
 
     /// The most numbers that a step takes: measurements, a reference per stage, an input, and
     /// parameters.
-    pub(super) fn request_numbers(&self) -> usize {
+    #[must_use]
+    pub fn request_numbers(&self) -> usize {
         self.measured().len() + self.window.len() + self.u.len() + self.measured_parameters.len()
     }
 

@@ -132,7 +132,7 @@ pub(crate) fn attempt(
     let states = net.state_names().iter().cloned();
     let asked = states.clone().zip(tolerance.iter().copied());
     Ok(Attempt::Proven(Box::new(Certificate {
-        version: env!("CARGO_PKG_VERSION").to_owned(),
+        version: crate::VERSION.to_owned(),
         net: hash(&net.to_bytes()),
         equation: equation(experiment, net).unwrap_or_default(),
         tolerance: asked.filter(|(_, most)| most.is_finite()).collect(),

@@ -336,9 +336,9 @@ fn execute(cli: &Cli, plants: &Plants) -> Result<ExitCode, RunError> {
                 let listener = TcpListener::bind(address).map_err(|error| {
                     RunError::usage("`--listen`", format!("{address}: {error}"))
                 })?;
-                match pinc_runs::serve_clients(&experiment, model, only, &listener, output)? {}
+                match pinc_serve::serve_clients(&experiment, model, only, &listener, output)? {}
             }
-            let found = pinc_runs::serve(&experiment, model, only, input, output)?;
+            let found = pinc_serve::serve(&experiment, model, only, input, output)?;
             if found.outside > 0 && !quiet {
                 console::note(&format!("warning: {found}"));
             }

@@ -1,9 +1,8 @@
-//! The lines of `pinc serve`: requests and answers.
+//! Requests and answers.
 
-use super::live::{Follow, LiveController};
-use super::live_state::LiveState;
 use pinc_mpc::{Bounds, Trust};
 use pinc_ode::Variable;
+use pinc_runs::{Follow, LiveController, LiveState};
 use serde::{Deserialize, Serialize};
 use std::borrow::Cow;
 
@@ -181,7 +180,7 @@ impl<'a> Description<'a> {
         let (spec, variables) = (controller.spec(), controller.variables());
         let problem = controller.nmpc().problem();
         Self {
-            version: env!("CARGO_PKG_VERSION"),
+            version: pinc_runs::VERSION,
             model: controller.kind().name(),
             model_sha256: controller.model_sha256(),
             sample_time_s: controller.nmpc().model().sample_time_s(),

@@ -1,11 +1,17 @@
-//! `pinc serve`: the controller as a process, one JSON object a line.
+#![doc = include_str!("../README.md")]
+//! # Tour
+//!
+//! [`serve`] answers the lines of a reader, [`serve_clients`] those of clients at a port. The
+//! requests and answers are in the book's page on serving.
 
-use super::chosen::ModelFile;
-use super::live::LiveController;
-use super::serve_lines::{answer, refusal};
-use crate::{RunError, console};
+#![forbid(unsafe_code)]
+
+mod lines;
+
+use lines::{answer, refusal};
 use pinc_config::{Experiment, ModelKind};
 use pinc_record::OutsideDomain;
+use pinc_runs::{LiveController, ModelFile, RunError, console};
 use std::io::{self, BufRead, BufReader, Read, Write};
 use std::net::TcpListener;
 use std::path::Path;
