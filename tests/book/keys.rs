@@ -3,6 +3,7 @@
 use super::defaults::Defaults;
 use super::types::{Field, Shape, Types};
 use std::collections::BTreeMap;
+use std::sync::LazyLock;
 
 /// The page being written.
 struct Page<'a> {
@@ -129,7 +130,9 @@ fn joined(path: &str, key: &str) -> String {
     if path.is_empty() { key.to_owned() } else { format!("{path}.{key}") }
 }
 
-/// The sections, and the keys whose descriptions are no sentences.
+/// The sections, and the keys whose descriptions are no sentences; the sources are read once.
+static DESCRIBED: LazyLock<(String, Vec<String>)> = LazyLock::new(described);
+
 fn described() -> (String, Vec<String>) {
     let root = super::root();
     let (types, defaults) = (Types::read(&root), Defaults::read(&root));
@@ -149,11 +152,11 @@ fn described() -> (String, Vec<String>) {
 
 /// The sections of a config, each with a table of its keys.
 pub(super) fn sections() -> String {
-    described().0
+    DESCRIBED.0.clone()
 }
 
 /// Returns the keys that their types do not describe by a sentence.
 #[must_use]
 pub fn undescribed_keys() -> Vec<String> {
-    described().1
+    DESCRIBED.1.clone()
 }
