@@ -130,6 +130,7 @@ pub fn place(path: &str, text: &str, at: usize) -> String {
     let in_table = before.rsplit_once("\n<!-- [").filter(|(_, rest)| !rest.contains("\n\n"));
     let file = in_table.and_then(|(_, rest)| {
         let (name, rows) = rest.split_once(" -->\n")?;
+        let rows = rows.rsplit("-->\n").next().unwrap_or(rows);
         let row = rows.lines().filter(|line| line.starts_with('|')).count();
         let row = if row > 1 { row - 1 } else { row };
         Some(format!("docs/{}:{row}", link(&format!("[{name}"))?))
