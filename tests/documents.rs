@@ -1,18 +1,18 @@
 //! The documents against the tree: links, blocks of TOML, the book's pages, and what the architecture
 //! names.
 
-use pinc_record::metric::{Better, Metric, Of, Unit};
+use pinc_tests::book::{self, root};
 use std::collections::BTreeSet;
 use std::fs;
 use std::path::{Path, PathBuf};
 
-fn root() -> PathBuf {
-    let tests = Path::new(env!("CARGO_MANIFEST_DIR"));
-    tests.parent().expect("the tests have a parent folder").to_path_buf()
-}
-
+/// A file; a page with its tables.
 fn read(path: &Path) -> String {
-    fs::read_to_string(path).unwrap_or_else(|error| panic!("{}: {error}", path.display()))
+    let text = match path.extension() {
+        Some(ending) if ending == "md" => book::page(path),
+        _ => fs::read_to_string(path).map_err(|error| format!("{}: {error}", path.display())),
+    };
+    text.unwrap_or_else(|problem| panic!("{problem}"))
 }
 
 /// What lies in a folder, sorted.
@@ -225,52 +225,15 @@ fn the_architecture_names_what_there_is() {
     }
 }
 
-/// The table of docs/metrics.md.
-fn table_of_metrics() -> String {
-    let head = "| metric | in `metrics.json` | column | unit | better |\n|---|---|---|---|---|\n";
-    let code = |text: String| format!("`{text}`");
-    let row = |metric: &Metric| {
-        let (section, model) = match metric.of {
-            Of::Name(_) | Of::Training(_) => ("training", ""),
-            Of::Validation(_) => ("validation", ""),
-            Of::Domain(_) => ("validation.domain_error", ""),
-            Of::FreeRun(_) => ("prediction", ""),
-            Of::Loop(_) => ("control[]", "MODEL_"),
-            Of::OneStep(_) => ("one_step[]", "MODEL_"),
-        };
-        let unit = match metric.unit {
-            Unit::States(power) => format!("state unit{power}"),
-            Unit::Errors(unit) | Unit::Clock(unit, _) => unit.to_owned(),
-            Unit::Count | Unit::One => "1".to_owned(),
-            Unit::Name => String::new(),
-        };
-        let better = match metric.better {
-            Better::Lower => "lower",
-            Better::Neither => "",
-        };
-        let given = |text: &str, prefix: String| match text {
-            "" => String::new(),
-            text => code(format!("{prefix}{text}")),
-        };
-        let path = given(metric.path, format!("{section}."));
-        let column = given(metric.column, model.to_owned());
-        format!("| {} | {path} | {column} | {unit} | {better} |\n", metric.title)
-    };
-    head.to_owned() + &Metric::all().map(row).collect::<String>()
-}
-
-/// With `PINC_WRITE` set in the environment, the test writes the table.
+/// Hand-written text is what somebody has to read: tables in files and generated sections do not count.
 #[test]
-fn the_table_of_metrics_is_the_one_in_the_code() {
-    let path = root().join("docs/metrics.md");
-    let page = read(&path);
-    let start = page.find("| metric |").expect("a table");
-    let end = page[start..].find("\n\n").map_or(page.len(), |end| start + end + 1);
-    let table = table_of_metrics();
-    if std::env::var_os("PINC_WRITE").is_some() {
-        let page = format!("{}{table}{}", &page[..start], &page[end..]);
-        fs::write(&path, page).expect("a page that can be written");
-    } else {
-        assert!(page[start..end] == table, "docs/metrics.md: run this test with PINC_WRITE=1");
-    }
+fn the_documents_stay_short() {
+    let mut pages = files(&root().join("docs"), "md");
+    pages.push(root().join("README.md"));
+    let words = |path: &PathBuf| {
+        let text = fs::read_to_string(path).expect("a page");
+        text.split_whitespace().count()
+    };
+    let count: usize = pages.iter().map(words).sum();
+    assert!(count <= 40_000, "{count} words in README.md and docs/");
 }

@@ -1,4 +1,6 @@
-//! Checks across crates.
+//! Checks across crates, and the pages of the book that are made from other files.
+
+pub mod book;
 
 /// The README: its Rust snippets are compiled and run as doctests.
 #[cfg(doctest)]

@@ -1,4 +1,5 @@
-"""The page of charts and tables of sweeps with [one_step], docs/accuracy-cost.md and docs/pareto/*.svg:
+"""The page of charts and tables of sweeps with [one_step], docs/accuracy-cost.md, docs/pareto/*.svg and
+docs/tables/accuracy-cost/*.csv:
 
     for config in configs/pareto/*.toml; do pinc run $config; done
     python3 benches/pareto/table.py runs/*-pareto
@@ -7,6 +8,7 @@ Prints the rows of the summary in docs/measurements.md. Sections of plants that 
 as they are. Needs Python alone.
 """
 
+import csv
 import json
 import math
 import shutil
@@ -58,7 +60,7 @@ COLUMNS = [
     *(f"error sweep[case={{model}}].?_{name}" for name in ERRORS),
     *("timed", "timed", "net sweep[case={model}].?_iae_dense_sum", "timed", "timed"),
 ]
-NUMBERS = "<!-- numbers\n| " + " | ".join(COLUMNS) + " |\n-->"
+NUMBERS = "\n| " + " | ".join(COLUMNS) + " |\n"
 
 
 def error(value):
@@ -84,12 +86,14 @@ def measured(directory):
     return [loop for loop in loops(directory) if not math.isnan(loop["alone"])]
 
 
-def table(directory):
-    """The lines of a run's table."""
-    yield "| " + " | ".join(HEADS) + " |"
-    yield "|" + "---|" * len(HEADS)
-    for loop in measured(directory):
-        yield "| " + " | ".join(row(loop)) + " |"
+def write_table(path, directory):
+    """A run's table, and beside it where `.ci/numbers` finds its numbers."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with path.open("w", newline="") as file:
+        rows = csv.writer(file, lineterminator="\n")
+        rows.writerow(HEADS)
+        rows.writerows(row(loop) for loop in measured(directory))
+    path.with_suffix(".numbers").write_text(NUMBERS)
 
 
 # The nets in the summary.
@@ -158,7 +162,7 @@ def section(plant, directory):
     machine = f"{provenance['cpu']}, {provenance['cores']} cores"
     lines += [f"*Timed on {machine}, {provenance['started'].split('T')[0]}.*", ""]
     lines += [f"![Error of one step over its time: {plant}](pareto/{plant}.svg)", ""]
-    return lines + [NUMBERS] + list(table(directory))
+    return [*lines, f"[Table](tables/accuracy-cost/{plant}.csv)"]
 
 
 def main():
@@ -170,6 +174,7 @@ def main():
         plant = directory.name.removesuffix("-pareto")
         picture = directory / "figures" / "accuracy-cost.svg"
         shutil.copy(picture, docs / "pareto" / f"{plant}.svg")
+        write_table(docs / "tables" / "accuracy-cost" / f"{plant}.csv", directory)
         found[plant] = section(plant, directory)
         print(*summary(plant, directory), sep="\n")
     lines = [INTRODUCTION]

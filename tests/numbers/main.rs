@@ -12,9 +12,9 @@
 
 use claim::{Claim, Effort, Fault, claims};
 use page::Page;
+use pinc_tests::book;
 use source::{Found, Runner};
 use std::collections::BTreeSet;
-use std::fs;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -67,7 +67,7 @@ struct Options {
 
 impl Options {
     fn read() -> Result<Self, String> {
-        let root = Path::new(env!("CARGO_MANIFEST_DIR")).parent().ok_or("no tree")?.to_path_buf();
+        let root = book::root();
         let mut options =
             Self { root, pinc: None, effort: Effort::Full, writes: false, only: None };
         let mut unknown = None;
@@ -92,11 +92,7 @@ impl Options {
     }
 
     fn pages(&self) -> Result<Vec<Page>, String> {
-        let page = |path: &&str| {
-            let text = fs::read_to_string(self.root.join(path))
-                .map_err(|error| format!("{path}: {error}"))?;
-            Page::new(path, text)
-        };
+        let page = |path: &&str| Page::new(path, book::page(&self.root.join(path))?);
         PAGES.iter().map(page).collect()
     }
 
@@ -133,8 +129,7 @@ impl Options {
             tell(page, &faults);
             if self.writes {
                 let text = checker.corrected(page, &taken);
-                fs::write(self.root.join(&page.path), text)
-                    .map_err(|error| format!("{}: {error}", page.path))?;
+                book::write(&self.root.join(&page.path), &text)?;
             }
             wrong += faults.len();
             held += taken.len() - faults.len();
@@ -155,7 +150,7 @@ impl Options {
 
 fn tell(page: &Page, faults: &[Fault]) {
     for fault in faults {
-        say(&format!("{}:{}: {}", page.path, page.line_of(fault.at), fault.what));
+        say(&format!("{}: {}", page.place(fault.at), fault.what));
     }
 }
 

@@ -1,5 +1,6 @@
 //! A page of Markdown: its sections, the blocks in them, and what is said of their numbers.
 
+use pinc_tests::book;
 use std::ops::Range;
 
 /// A page.
@@ -81,9 +82,9 @@ impl Page {
         Ok(Self { path: path.to_owned(), sections, text })
     }
 
-    /// The line in which something stands, from 1.
-    pub(crate) fn line_of(&self, at: usize) -> usize {
-        1 + self.text[..at].matches('\n').count()
+    /// The file and the line in which something stands.
+    pub(crate) fn place(&self, at: usize) -> String {
+        book::place(&self.path, &self.text, at)
     }
 
     /// The section of an anchor and those below it.
@@ -194,7 +195,7 @@ impl<'a> Reader<'a> {
         let mut lines = Vec::new();
         let mut at = span.start;
         for line in self.text[span.clone()].split('\n') {
-            lines.push(cells(line, at));
+            lines.push(book::cells(line, at));
             at += line.len() + 1;
         }
         let heads = lines.remove(0);
@@ -208,22 +209,4 @@ impl<'a> Reader<'a> {
         let end = self.while_line(first.end, |line| !line.trim().is_empty() && !starts_other(line));
         Block { kind: Kind::Paragraph, span: first.start..end, mark: self.mark.take() }
     }
-}
-
-/// The places of a line's cells, without the spaces around them.
-fn cells(line: &str, start: usize) -> Vec<Range<usize>> {
-    let mut found = Vec::new();
-    let mut from = 1;
-    let mut in_code = false;
-    let bytes = line.as_bytes();
-    for (at, byte) in line.bytes().enumerate().skip(1) {
-        in_code ^= byte == b'`';
-        if byte == b'|' && bytes[at - 1] != b'\\' && !in_code {
-            let cell = &line[from..at];
-            let left = from + cell.len() - cell.trim_start().len();
-            found.push(start + left..start + left + cell.trim().len());
-            from = at + 1;
-        }
-    }
-    found
 }

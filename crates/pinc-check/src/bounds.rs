@@ -22,8 +22,8 @@ pub(crate) fn examine(subject: &Subject<'_>) -> Vec<Finding> {
                 "start and references are within the bounds, and these within the domain"
             }
             _ => {
-                "start and references are within the bounds, those of the outputs among them, and \
-                 the bounds of states and inputs within the domain"
+                "start and references are within the bounds, also of outputs, and the bounds of \
+                 states and inputs within the domain"
             }
         };
         findings.push(Finding::fact("", text));

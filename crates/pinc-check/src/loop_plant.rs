@@ -23,7 +23,7 @@ pub(crate) fn examine(subject: &Subject<'_>) -> Vec<Finding> {
         more => format!("; {more} further references and times were not looked at"),
     };
     if findings.is_empty() {
-        let what = format!("the plant of the loop can hold what that of the models can{others}");
+        let what = format!("the plant of the loop can hold what the models' plant can{others}");
         findings.push(Finding::fact("control.plant", what));
     }
     findings

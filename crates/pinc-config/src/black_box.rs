@@ -65,7 +65,7 @@ pub struct FmuSpec {
     /// Names of states and inputs in the file where they differ from those here.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub variables: BTreeMap<String, String>,
-    /// Names of the variables that set the initial states, where they differ from those of the states.
+    /// Names of the variables that set the initial states, where they differ from the states' names.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub start_variables: BTreeMap<String, String>,
     /// Initial values of other variables in the file, by name.

@@ -329,7 +329,7 @@ pub struct InputDifference {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ReferenceStep {
-    /// Begin in s; that of the first value is 0.
+    /// Begin in s; the first value begins at 0.
     pub start_s: f64,
     /// Reference of each controlled quantity, in its unit.
     pub value: Vec<f64>,

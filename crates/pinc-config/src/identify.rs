@@ -29,7 +29,7 @@ pub struct IdentifySpec {
     /// the data.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub step_s: Option<f64>,
-    /// Substeps of the integrator per T; if absent, those of `[control]`, or 4.
+    /// Substeps of the integrator per T; if absent, the substeps of `[control]`, or 4.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub substeps: Option<usize>,
 }

@@ -214,10 +214,10 @@ pub struct VanDerPolSpec {
 pub struct FourTanksSpec {
     /// One of three published sets of parameters.
     pub parameters: FourTanksParameters,
-    /// Valve openings gamma1 and gamma2, from 0 to 1, in place of those of the set.
+    /// Valve openings gamma1 and gamma2, from 0 to 1, instead of the set's.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub gamma: Option<[f64; 2]>,
-    /// Pump constants k1 and k2 in cm^3/(V s), in place of those of the set.
+    /// Pump constants k1 and k2 in cm^3/(V s), instead of the set's.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub pump: Option<[f64; 2]>,
     /// Other values for some of the plant's constants, by name.

@@ -11,7 +11,7 @@ use pinc_ode::{Dims, Linearization, Model, OutputLinearization, Stages};
 ///
 /// A disturbance of a measured state is part of the state here: the controller sees x + d, which is
 /// what follows references and is bounded, and the model is x + d -> F(x, u) + d. Disturbances of
-/// other outputs are added to these. [`Augmentation::read`] makes that of an estimate;
+/// other outputs are added to these. [`Augmentation::read`] takes x + d and w from an estimate;
 /// [`Compensated::problem`] begins the control problem of this model.
 ///
 /// ```

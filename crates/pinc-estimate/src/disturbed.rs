@@ -34,7 +34,7 @@ impl Augmentation {
     }
 
     /// Writes what belongs to the estimate z = (x, d, theta): the state that a controller with the
-    /// [`Compensated`](crate::Compensated) model sees, and the parameters w = (d, theta) of that.
+    /// [`Compensated`](crate::Compensated) model sees, and that model's parameters w = (d, theta).
     ///
     /// # Shapes
     ///

@@ -183,7 +183,7 @@ static pinc_estimate_status pinc_filter_correct(pinc_estimator *e, const PINC_RE
     return status;
 }
 
-/* The Jacobian of the step of z, from those of the model. */
+/* The Jacobian of the step of z, from the model's Jacobians. */
 static void pinc_augment(pinc_estimator *e)
 {
     int i;

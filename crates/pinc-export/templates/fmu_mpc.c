@@ -42,7 +42,7 @@ static void pinc_refresh(pinc_slave *s)
     s->computed = 1;
 }
 
-/* Whether the time is that of a sample. */
+/* Whether it is time for a sample. */
 static int pinc_is_sample(const pinc_slave *s, double time)
 {
     const double largest = (fabs(time) > PINC_SAMPLE_TIME_S) ? fabs(time) : PINC_SAMPLE_TIME_S;

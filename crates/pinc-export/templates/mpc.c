@@ -50,7 +50,7 @@
 /* How many of them an interval has, and whether some are at its start. */
 #define PINC_OUTPUT_WIDTH @OUTPUT_WIDTH@
 #define PINC_OUTPUT_STARTS @OUTPUT_STARTS@
-/* The units of the optimization, in those of the plant. */
+/* The optimization's units, in the plant's units. */
 #define PINC_HAS_UNITS @HAS_UNITS@
 #if PINC_HAS_UNITS
 #define PINC_X_UNIT(i) (pinc_x_unit[i])

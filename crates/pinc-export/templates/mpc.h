@@ -250,7 +250,7 @@ void pinc_reference(double t_s, PINC_REAL rows[PINC_N2 * PINC_NY]);
  *
  * The reference has PINC_N2 rows of PINC_NY numbers, in the order of pinc_reference. Row j, from 0,
  * is what is to be reached at the end of the step that begins j steps from now (with a delay of d
- * steps, j + d). In a schedule its value is that of the beginning of this step: a row that ends
+ * steps, j + d). In a schedule its value is read at the beginning of this step: a row that ends
  * exactly at a change still has the value from before the change.
  */
 pinc_status pinc_mpc_step(pinc_mpc *m, const PINC_REAL x[PINC_NX],

@@ -66,7 +66,7 @@ static void pinc_respond(pinc_dense *s, const pinc_qp *qp, int input, int k)
     }
 }
 
-/* A column of the Hessian, on and below the diagonal: that of number k of an input. */
+/* A column of the Hessian, on and below the diagonal, for number k of an input. */
 static void pinc_condense_hessian(pinc_dense *s, const pinc_qp *qp, int input, int k,
                                   PINC_REAL *column)
 {
@@ -153,7 +153,7 @@ static void pinc_condense_limits(pinc_mpc *m, const pinc_qp *qp)
     }
 }
 
-/* A column of the outputs' rows: that of number v of all inputs. */
+/* A column of the outputs' rows, for number v of all inputs. */
 static void pinc_condense_outputs(const pinc_dense *s, const pinc_qp *qp, int v, PINC_REAL *column)
 {
     const int input = v / PINC_NU;

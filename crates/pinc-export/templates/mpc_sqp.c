@@ -6,7 +6,7 @@ static PINC_REAL pinc_before(const pinc_mpc *m, const PINC_REAL *z, int v)
     return (v < PINC_NU) ? m->previous[v] : z[PINC_STATES + v - PINC_NU];
 }
 
-/* Moves the plan's inputs into their bounds and those of their increments. */
+/* Moves the plan's inputs into the bounds of inputs and increments. */
 static void pinc_project(const pinc_mpc *m, PINC_REAL *z)
 {
     int v;
@@ -758,7 +758,7 @@ static void pinc_keep_plan(pinc_mpc *m, pinc_status status, int finite)
     }
 }
 
-/* From the plant's units to those of the optimization. */
+/* From the plant's units to the optimization's. */
 static void pinc_take_state(PINC_REAL *to, const PINC_REAL *x)
 {
     int i;

@@ -210,7 +210,7 @@ pub enum ExpressionProblem {
         to: i64,
     },
     /// An equation for elements that are not said; the text is an example of what to write.
-    #[error("for which elements is not said, expected a range, as {0}")]
+    #[error("no range of elements given; expected one, as {0}")]
     NoRange(String),
     /// An index with the name of something else.
     #[error("the index `{0}` has the name of something else, expected a name that is free")]

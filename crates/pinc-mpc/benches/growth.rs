@@ -45,7 +45,7 @@ const CHART: &str = "\
 ![Time of a step over N, one panel for each number of states and inputs: condensed programs are
 faster for few stages and grow faster than linearly, the Riccati recursion is linear in N](growth.svg)";
 
-const HEADS: &str = "| states, inputs, bounds | method |";
+const TABLE: &str = "[Table](tables/growth.csv)";
 
 fn main() {
     let rows: Vec<Row> = SIZES
@@ -59,8 +59,10 @@ fn main() {
         let docs = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../docs");
         let svg = figure(&rows).svg().expect("there is something to show");
         std::fs::write(docs.join("growth.svg"), svg).expect("docs/growth.svg can be written");
-        let page = page(&rows, &summary);
+        let page = page(&summary);
         std::fs::write(docs.join("growth.md"), page).expect("docs/growth.md can be written");
+        let table = table(&rows);
+        std::fs::write(docs.join("tables/growth.csv"), table).expect("its table can be written");
     }
 }
 
@@ -81,7 +83,7 @@ impl Row {
             median
         });
         let row = Self { size, active, method, medians };
-        println!("{}", row.markdown());
+        println!("{}", row.csv());
         row
     }
 
@@ -89,18 +91,15 @@ impl Row {
         QpMethod::Auto.resolve(self.size, [horizon; 2]) == self.method
     }
 
-    fn title(&self) -> String {
+    fn csv(&self) -> String {
         let [n, m] = self.size;
-        format!("{n}, {m}, {}", if self.active { "active" } else { "not reached" })
-    }
-
-    fn markdown(&self) -> String {
-        let mut line = format!("| {} | {} |", self.title(), self.method);
+        let bounds = if self.active { "active" } else { "not reached" };
+        let mut line = format!("{n},{m},{bounds},{}", self.method);
         for (horizon, median) in HORIZONS.into_iter().zip(self.medians) {
             let mark = if self.is_chosen(horizon) { "**" } else { "" };
             line += &match median {
-                Some(median) => format!(" {mark}{:.1}{mark} |", 1e6 * median),
-                None => " – |".to_owned(),
+                Some(median) => format!(",{mark}{:.1}{mark}", 1e6 * median),
+                None => ",–".to_owned(),
             };
         }
         line
@@ -164,12 +163,15 @@ fn plural(count: usize) -> &'static str {
     if count == 1 { "" } else { "s" }
 }
 
-fn page(rows: &[Row], summary: &str) -> String {
-    let heads: String = HORIZONS.iter().map(|n| format!(" {n} |")).collect();
-    let rule = "---|".repeat(HORIZONS.len());
-    let lines: String = rows.iter().map(|row| row.markdown() + "\n").collect();
-    let summary = format!("{summary}\n\nProcessor: {}.", processor());
-    format!("{INTRODUCTION}\n{summary}\n\n{CHART}\n\n{HEADS}{heads}\n|---|---|{rule}\n{lines}")
+fn page(summary: &str) -> String {
+    let processor = processor();
+    format!("{INTRODUCTION}\n{summary}\n\nProcessor: {processor}.\n\n{CHART}\n\n{TABLE}\n")
+}
+
+fn table(rows: &[Row]) -> String {
+    let horizons = HORIZONS.map(|n| n.to_string()).join(",");
+    let lines: String = rows.iter().map(|row| row.csv() + "\n").collect();
+    format!("states,inputs,bounds,method,{horizons}\n{lines}")
 }
 
 /// The processor's name, where the system tells it.

@@ -123,7 +123,7 @@ impl Bounds {
 #[serde(rename_all = "kebab-case")]
 pub enum Softness {
     /// It must be met. Where that is impossible, the step's status says so and names a constraint
-    /// that is in the way; the plan is then that of `exact`.
+    /// that is in the way; the plan is then as with `exact`.
     #[default]
     Hard,
     /// It is met wherever the (linearized) problem has a solution, and violated as little as

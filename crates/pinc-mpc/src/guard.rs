@@ -14,7 +14,7 @@ pub trait Judge: Debug + Send {
     fn trusts(&mut self, x: &[f64], u: &[f64], p: &[f64]) -> bool;
 
     /// Writes the parameters of the substitute's model, after a step that was not trusted; `p` are
-    /// those of the controller's own. By default they are the same.
+    /// the parameters of the controller's own model. By default they are the same.
     ///
     /// # Panics
     ///

@@ -7,7 +7,7 @@ use crate::memory::Memory;
 pub(crate) enum Guess {
     /// Nothing: the first guess stays at the state measured.
     Cold,
-    /// The inputs are known, and the states stay at that of the first step.
+    /// The inputs are known, and all states equal the first.
     Held,
     /// Its states are worth starting from. `fallback`: it was also good enough to be followed
     /// without need.
@@ -40,7 +40,7 @@ impl Guess {
 /// How far the next step is prepared.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Phase {
-    /// The plan is that of the last step.
+    /// The plan of the last step.
     Solved,
     /// The plan is shifted by a step.
     Shifted,

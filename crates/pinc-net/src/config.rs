@@ -106,7 +106,7 @@ pub struct TrainingConfig {
     pub source: TrainingTarget,
     /// With source [`"integrator"`](TrainingTarget::Integrator): weight of the squared errors of
     /// the state's derivative along one random direction of (y0, u, p) per point, of unit length
-    /// where half the width of the domain is 1, against those of the state. If absent, the state
+    /// where half the width of the domain is 1, against the squared errors of the state. If absent, the state
     /// alone is fitted.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub derivatives: Option<f64>,

@@ -18,7 +18,7 @@ pub enum ResidualScale {
     /// sizes weigh the same.
     Normalized,
     /// The state's typical displacement in one step, per T: the standard deviation of T f(y0, u)
-    /// over the domain, or that of the state itself if it is smaller. States that change little
+    /// over the domain, or of the state itself if it is smaller. States that change little
     /// are then learnt as accurately, relative to their displacement, as states that change much.
     /// Without the hard initial condition it is the same as `normalized`.
     Displacement,

@@ -9,7 +9,7 @@ pub(crate) struct Banded {
     below: usize,
     above: usize,
     /// Row by row, from `below` columns before the diagonal on; exchanges of rows fill `below` more
-    /// columns behind those of `above`.
+    /// columns behind the columns of `above`.
     entries: Vec<f64>,
     order: Vec<usize>,
 }
@@ -130,7 +130,7 @@ mod tests {
     }
 
     /// d I - J times the solution is the right-hand side, for bands of all widths, also where rows
-    /// have to be exchanged, and with columns of inputs behind those of the states.
+    /// have to be exchanged, and with columns of inputs behind the columns of states.
     #[test]
     fn solutions_satisfy_their_systems() {
         for (n, below, above) in [(1, 0, 0), (5, 1, 1), (12, 3, 1), (12, 0, 4), (9, 8, 8)] {

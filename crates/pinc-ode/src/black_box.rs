@@ -144,7 +144,7 @@ pub struct FlowModel {
     flow: Arc<dyn Flow>,
     /// Whether a failure was logged.
     told: bool,
-    /// Places in one call of the flow: those of all points with their changes.
+    /// Places in one call of the flow: all points, with their changes.
     x: Vec<f64>,
     u: Vec<f64>,
 }

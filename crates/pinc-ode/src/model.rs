@@ -36,7 +36,7 @@ impl Dims {
     }
 }
 
-/// Points at which a model is linearized, those of a prediction horizon for instance.
+/// Points at which a model is linearized, as the stages of a prediction horizon.
 ///
 /// # Shapes
 ///
@@ -63,7 +63,7 @@ impl<'a> Stages<'a> {
     ///
     /// # Panics
     ///
-    /// If the lengths are not those of as many points of a model of dimensions `dims`.
+    /// If a length does not fit the number of points and the dimensions `dims`.
     #[must_use]
     pub fn count(&self, dims: Dims) -> usize {
         let points = self.x.len() / dims.nx;

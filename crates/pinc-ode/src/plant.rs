@@ -64,8 +64,8 @@ impl<K, S> Over<K> for S where
 pub trait Plant: Clone + Debug + Send + Sync + 'static {
     /// Whether [`Plant::rhs`] is long: another equation is solved inside, or it has sines and their
     /// like. The Runge-Kutta methods of such a plant compute with points in the lanes of vectors,
-    /// however many columns its Jacobians have, so that functions and iterations are those of
-    /// several points at once.
+    /// however many columns its Jacobians have, so that functions and iterations serve several
+    /// points at once.
     const LONG: bool = false;
 
     /// The states, in order; their number is `nx`.

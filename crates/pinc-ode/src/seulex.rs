@@ -33,7 +33,7 @@ const STEADY: usize = 5;
 /// Hairer and Wanner, *Solving Ordinary Differential Equations II*, section IV.9 (the code SEULEX).
 ///
 /// A step takes one Jacobian, a factorization per row, and as many evaluations of f as all rows
-/// have parts. Factorizations are those of a band, as wide as the Jacobian's.
+/// have parts. Factorizations are banded, as wide as the Jacobian's.
 #[derive(Clone, Debug)]
 pub(crate) struct Seulex {
     plant: Arc<dyn DynRhs>,

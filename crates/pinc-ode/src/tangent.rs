@@ -8,7 +8,7 @@ use std::sync::Arc;
 /// A plant in time, accurately, with the derivative of its state along a direction v of the initial
 /// state, the input and the parameters.
 ///
-/// The variational equation s' = df/dx s + df/d(u, p) v, whose right-hand side is that of dual
+/// The variational equation s' = df/dx s + df/d(u, p) v, whose right-hand side is evaluated on dual
 /// numbers, is integrated beside the plant's own with the same tolerance; a black box is asked for
 /// its Jacobians.
 #[derive(Clone, Debug)]

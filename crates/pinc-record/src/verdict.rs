@@ -211,8 +211,8 @@ impl LoopFinding {
             ),
             Self::NotReached { reached_with: None, .. } => {
                 "Either no input within the bounds holds it (`pinc check` says which references \
-                 are steady states), or the time was too short, or the plant in the loop is not \
-                 the one that the model is of."
+                 are steady states), or the time was too short, or the plant in the loop \
+                 differs from the model's plant."
                     .to_owned()
             }
             Self::Estimator { finding, .. } => finding.advice().to_owned(),

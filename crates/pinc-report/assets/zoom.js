@@ -112,24 +112,30 @@
     ctx.font = FONT.replace("12px", `${12 * ratio}px`);
     ctx.textBaseline = "middle";
     ctx.textAlign = "left";
-    const write = (text, x, y, color) => {
-      if (x < left || x > left + width || y < top || y > top + height) return;
+    // Whether the word found room.
+    const write = (text, x, y, color, curves = []) => {
+      if (x < left || x > left + width || y < top || y > top + height) return false;
       const long = ctx.measureText(text).width, room = 7 * ratio;
       const from = x + room + long > left + width ? x - room - long : x + room;
       const box = [from, y - room, from + long, y + room];
       const free = (b) => box[2] < b[0] || b[2] < box[0] || box[3] < b[1] || b[3] < box[1];
-      if (!taken.every(free)) return;
+      if (!taken.every(free) || curves.some((at) => box[1] < at && at < box[3])) return false;
       taken.push(box);
       ctx.lineWidth = 3 * ratio;
       ctx.strokeStyle = "#fff";
       ctx.strokeText(text, from, y);
       ctx.fillStyle = color;
       ctx.fillText(text, from, y);
+      return true;
     };
     for (const of of first ? events : []) write(of.label, u.valToPos(of.x, "x", true), top + 9 * ratio, INK);
-    for (const { at: [x, y], text, color } of panel.labels) {
-      write(text, u.valToPos(x, "x", true), u.valToPos(y, "y", true) - 8 * ratio, color);
-    }
+    // Above its curve or below it, and on no other curve if there is such a place.
+    const heights = panel.labels.map(({ at: [, y] }) => u.valToPos(y, "y", true));
+    panel.labels.forEach(({ at: [x], text, color }, i) => {
+      const others = heights.filter((_, k) => k !== i), across = u.valToPos(x, "x", true);
+      const places = [others, []].flatMap((curves) => [-8, 8].map((away) => [away * ratio, curves]));
+      places.some(([away, curves]) => write(text, across, heights[i] + away, color, curves));
+    });
     ctx.restore();
   };
 
@@ -252,7 +258,7 @@
     return [low, high];
   };
 
-  // The vertical range: that of the picture if all of it is seen, else what the part needs.
+  // The vertical range: all of the picture's if all of it is seen, else what the part needs.
   const vertical = ({ y }, group) => (u) => {
     const [low, high] = group.whole() ? [] : extremes(u, y.log, group.now);
     if (!(low <= high)) return y.range;

@@ -42,7 +42,7 @@ pub enum ReportError {
     },
     /// Two runs with different plants.
     #[error(
-        "{}: its plant is {plant}; expected that of {}, {expected}",
+        "{}: its plant is {plant}; expected the plant of {}, {expected}",
         dir.display(),
         first.display()
     )]

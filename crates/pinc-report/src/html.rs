@@ -3,7 +3,7 @@
 use crate::data::{OfModel, Run};
 use crate::number_tables::{NumberTable, flattened, key_numbers, number_tables};
 use crate::picture::{Drawn, Picture};
-use crate::summary_text::paragraph;
+use crate::summary_text::sentences;
 use crate::{sweep, zoom};
 use pinc_chart::text::escape;
 use pinc_record::file;
@@ -27,10 +27,10 @@ pub(crate) fn page(run: &Run, drawn: &[Drawn]) -> String {
 /// words. All other pictures and numbers follow.
 fn of_run(run: &Run, drawn: &[Drawn]) -> String {
     let (first, others) = drawn.split_at(drawn.len().min(1));
-    let mut summary = paragraph(run);
-    if !summary.is_empty() {
-        summary = format!("<p class=\"summary\">{}</p>\n", escape(&summary));
-    }
+    let said: String =
+        escape(&sentences(run)).lines().map(|of| format!("<li>{of}</li>\n")).collect();
+    let list = format!("<ul class=\"summary\">\n{said}</ul>\n");
+    let summary = if said.is_empty() { said } else { list };
     let key = Vec::from_iter(key_numbers(run));
     let (key, all) = (numbers("key", "At a glance", &key), number_tables(run));
     let all = numbers("metrics", "Metrics", &all);

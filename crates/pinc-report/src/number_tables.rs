@@ -38,7 +38,7 @@ pub(crate) fn key_numbers(run: &Run) -> Option<NumberTable> {
         (&metric::MAX_VIOLATION, "worst violation of a bound"),
         (&metric::STEP_TIME, "time of a step, median"),
     ];
-    // The unit is that of the metric, the name a short one.
+    // The unit of the metric, with a short name.
     let named = |(metric, name): (&Metric, _)| run.label_of(metric).replace(metric.title, name);
     let heads = ["model".to_owned()].into_iter().chain(metrics.map(named));
     let heads: Vec<String> = heads.chain(["failed steps".to_owned()]).collect();

@@ -9,8 +9,8 @@ use pinc_mpc::SqpStatus;
 use pinc_record::metric;
 use pinc_record::{ControlMetrics, Metrics, TrainingMetrics, ValidationMetrics};
 
-/// The run in a few sentences; empty if there are no metrics.
-pub(crate) fn paragraph(run: &Run) -> String {
+/// The run in a few sentences, one a line; empty if there are no metrics.
+pub(crate) fn sentences(run: &Run) -> String {
     let identified = run.identification.as_ref().map(identification::paragraph);
     let Some(metrics) = &run.metrics else { return identified.unwrap_or_default() };
     let sentences = [
@@ -25,7 +25,7 @@ pub(crate) fn paragraph(run: &Run) -> String {
     ];
     let mut said: Vec<String> = sentences.into_iter().flatten().collect();
     said.extend(metrics.loop_notes());
-    said.join(" ")
+    said.join("\n")
 }
 
 fn training(training: &TrainingMetrics) -> String {

@@ -98,7 +98,7 @@ impl Variables {
     }
 }
 
-/// Divides variables so that those of a panel have one unit and ranges of a like size. The title of
+/// Divides variables so that all in a panel have one unit and ranges of a like size. The title of
 /// a panel names its variables if there are several panels.
 pub(crate) fn by_axis(
     run: &Run,

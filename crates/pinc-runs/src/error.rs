@@ -197,7 +197,7 @@ pub enum RunError {
         numbers: String,
     },
     /// The user does not wait any longer.
-    #[error("the jobs go on; `pinc status {}` says how far they are", dir.display())]
+    #[error("the jobs go on; `pinc status {}` shows their progress", dir.display())]
     StillQueued {
         /// The run directory.
         dir: PathBuf,

@@ -73,7 +73,7 @@ pub(crate) fn read<R>(log: &SharedLog, f: impl FnOnce(&ErrorLog) -> R) -> R {
 #[derive(Debug)]
 pub(crate) struct ErrorJudge {
     estimate: ErrorEstimate,
-    /// How the arguments of the controller's model become those of the net.
+    /// How the arguments of the controller's model become arguments of the net.
     augmentation: Option<Augmentation>,
     x: Vec<f64>,
     u: Vec<f64>,

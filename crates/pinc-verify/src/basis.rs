@@ -1,4 +1,4 @@
-//! Which coefficients a polynomial has, and which pairs of them make up those of a product.
+//! Which coefficients a polynomial has, and which pairs of them make up the coefficients of a product.
 
 use std::sync::Arc;
 
@@ -10,7 +10,7 @@ struct Monomials {
     counts: Vec<usize>,
     /// The pairs of all monomials, one after the other.
     pairs: Vec<[u16; 2]>,
-    /// Where those of each monomial begin, and where the last ones end.
+    /// Where the pairs of each monomial begin, and where the last ones end.
     first_pair: Vec<usize>,
 }
 
@@ -206,7 +206,7 @@ mod tests {
         let basis = Basis::of_space(3, 4);
         assert_eq!([basis.count(0), basis.count(1), basis.count(4)], [1, 4, 35]);
         let pairs: usize = (0..basis.monomials()).map(|place| basis.pairs(place).len()).sum();
-        // Pairs of monomials of total degree 4 at most: those of six variables.
+        // Pairs of monomials of total degree 4 at most, in six variables.
         assert_eq!(pairs, 210);
         for place in 0..basis.monomials() {
             for [a, b] in basis.pairs(place) {

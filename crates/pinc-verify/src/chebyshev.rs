@@ -25,7 +25,7 @@ pub(crate) struct Interpolation {
 pub(crate) struct Fit {
     /// The coefficients of the powers 0, 1, ..
     pub(crate) powers: Vec<f64>,
-    /// A bound of the error on the interval, other than that of evaluating the polynomial.
+    /// A bound of the error on the interval, without the error of evaluating the polynomial.
     pub(crate) error: f64,
     /// A bound of the function's slope on the interval.
     pub(crate) slope: f64,
@@ -122,7 +122,7 @@ mod tests {
                 };
                 let found = (0..=1000).map(off).fold(0.0, f64::max);
                 assert!(found <= fit.error, "{function:?} {degree}: {found} {}", fit.error);
-                // The bound of the Taylor coefficient is that of the worst point and phase.
+                // The Taylor coefficient is bounded at the worst point and phase.
                 assert!(fit.error < 30.0 * found + 1e-14, "{function:?} {degree}: {found}");
             }
         }

@@ -39,10 +39,10 @@ pub(crate) struct CertifyArgs {
     /// Model file (safetensors) of the net that is judged.
     #[arg(long)]
     model: Option<PathBuf>,
-    /// Judge an integrator in place of a net.
+    /// Judge an integrator instead of a net.
     #[arg(long, value_parser = model_kind())]
     only: Option<ModelKind>,
-    /// How many random points of the domain are judged: 1000, or 0 with other points.
+    /// Number of random points of the domain to judge; by default 1000, or 0 with other points.
     #[arg(long, value_name = "N")]
     points: Option<usize>,
     /// Judge the rows of a CSV file too: columns for states and inputs.
@@ -54,7 +54,7 @@ pub(crate) struct CertifyArgs {
     /// Prove a bound over the whole domain.
     #[arg(long)]
     domain: bool,
-    /// The time for that, in s.
+    /// Time limit of the proof over the domain, in s.
     #[arg(long, value_name = "SECONDS", value_parser = seconds, requires = "domain")]
     budget_s: Option<f64>,
     /// Check the certificate in the model file instead: its hashes, and its bounds by proving them
@@ -85,7 +85,7 @@ impl CertifyArgs {
 #[derive(Debug, clap::Args)]
 pub(crate) struct RunArgs {
     /// Run directory, by default `runs/` and the experiment's name; with several configs, the
-    /// directory of theirs.
+    /// directory above theirs.
     #[arg(long, value_name = "DIR")]
     pub(crate) out: Option<PathBuf>,
     /// Resume the run in the run directory.
@@ -106,7 +106,7 @@ pub(crate) struct SetArgs {
 /// What runs a sweep in place of this process.
 #[derive(Clone, Copy, Debug, clap::ValueEnum)]
 pub(crate) enum On {
-    /// Jobs of a Slurm that is there.
+    /// Slurm, which must be installed.
     Slurm,
 }
 
@@ -119,7 +119,7 @@ pub(crate) struct SweepArgs {
     /// Share a sweep with other processes that work in the same run directory.
     #[arg(long)]
     shared: bool,
-    /// Throw away the results that a sweep has in the run directory.
+    /// Discard the sweep's results in the run directory.
     #[arg(long, conflicts_with = "resume")]
     pub(crate) fresh: bool,
     /// Submit a sweep as a job array of Slurm with a merge after it.
@@ -134,7 +134,7 @@ pub(crate) struct SweepArgs {
     /// Write the scripts for Slurm and submit nothing.
     #[arg(long, requires = "on")]
     dry_run: bool,
-    /// Wait until the jobs are over, and show how far they are.
+    /// Wait for the jobs, and show their progress.
     #[arg(long, requires = "on", conflicts_with = "dry_run")]
     wait: bool,
 }

@@ -24,7 +24,7 @@ struct Cli {
     /// Show no progress and no results: errors only.
     #[arg(long, global = true)]
     quiet: bool,
-    /// Let a config's plant be a program, which is then started with your rights.
+    /// Allow a config's plant to be a program, which runs with your rights.
     #[arg(long, global = true)]
     allow_process: bool,
 }
@@ -33,7 +33,7 @@ struct Cli {
 enum Command {
     /// Run whole experiments: training, validation, free run, closed loops, report.
     Run {
-        /// Config files, or lists of such (TOML).
+        /// Config files, or lists of configs (TOML).
         #[arg(required = true, value_name = "CONFIG")]
         configs: Vec<PathBuf>,
         #[command(flatten)]
@@ -41,7 +41,7 @@ enum Command {
         #[command(flatten)]
         run: RunArgs,
     },
-    /// Say how far a sweep is, and when it will be over.
+    /// Show the progress of a sweep, and when it will end.
     Status {
         /// Run directory.
         dir: PathBuf,
@@ -62,7 +62,7 @@ enum Command {
         #[command(flatten)]
         run: RunArgs,
     },
-    /// Let a trained net run freely under given inputs, from CSV to CSV.
+    /// Predict with a trained net under given inputs, from CSV to CSV.
     Predict {
         /// Model file (safetensors).
         #[arg(long)]
@@ -131,14 +131,14 @@ enum Command {
         /// The model to identify with.
         #[arg(long, value_parser = model_kind())]
         only: Option<ModelKind>,
-        /// Points within the parameters' bounds to begin the fit at, the config's start among
-        /// them; by default 16 if all parameters have bounds, and otherwise 1.
+        /// Number of starting points of the fit within the parameters' bounds, the config's start
+        /// included; by default 16 if all parameters have bounds, and otherwise 1.
         #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1000))]
         starts: Option<u16>,
         #[command(flatten)]
         set: SetArgs,
     },
-    /// Say how wrong one step of a model can be: proven at points, and over the whole domain.
+    /// Bound the error of one step of a model: at points, or over the whole domain.
     Certify {
         /// Config file (TOML).
         config: PathBuf,
@@ -155,7 +155,7 @@ enum Command {
         /// Model file (safetensors).
         #[arg(long)]
         model: Option<PathBuf>,
-        /// The controller's model, if it is not to be the net given or the config's first.
+        /// The controller's model, instead of the given net or the config's first model.
         #[arg(long, value_parser = model_kind(), requires = "config")]
         only: Option<ModelKind>,
         /// What to export to.
@@ -164,16 +164,16 @@ enum Command {
         /// Directory of the files, by default `exports/`, the name and the target.
         #[arg(long, value_name = "DIR")]
         out: Option<PathBuf>,
-        /// What all names begin with, by default the model file's or the experiment's name.
+        /// Prefix of all names, by default the model file's or the experiment's name.
         #[arg(long)]
         name: Option<String>,
-        /// Export the config's plant in place of its controller, to try controllers on.
+        /// Export the config's plant instead of its controller, to test controllers.
         #[arg(long, requires = "config", conflicts_with_all = ["model", "only"])]
         plant: bool,
-        /// Write an ONNX file with numbers of 64 bits, which not all runtimes take.
+        /// Write an ONNX file with 64-bit numbers, which some runtimes do not support.
         #[arg(long)]
         double: bool,
-        /// Write an FMU of FMI 3.0, with arrays as variables, in place of one of 2.0.
+        /// Write an FMU of FMI 3.0, with arrays as variables, instead of FMI 2.0.
         #[arg(long)]
         fmi3: bool,
         #[command(flatten)]
@@ -187,7 +187,7 @@ enum Command {
         /// Model file (safetensors) of the net that is the model.
         #[arg(long)]
         model: Option<PathBuf>,
-        /// The model, if it is not to be the config's first.
+        /// The model, instead of the config's first.
         #[arg(long, value_parser = model_kind())]
         only: Option<ModelKind>,
         /// Serve clients at a port of this machine, one after the other, instead of standard input;
@@ -197,15 +197,15 @@ enum Command {
         #[command(flatten)]
         set: SetArgs,
     },
-    /// Say which model should be in a config's loop: tries integrators by their substeps and nets
-    /// by their size, and writes the config with the cheapest that is good enough.
+    /// Choose the model for a config's loop: try integrators by substeps and nets by size, and write
+    /// the config with the cheapest one that is good enough.
     Choose {
         /// Config file (TOML).
         config: PathBuf,
-        /// How much more than the most exact model's a loop's IAE may be, as 1% or 0.01.
+        /// Largest excess of a good loop's IAE over the most exact model's, as 1% or 0.01.
         #[arg(long, value_name = "SHARE", default_value = "1%", value_parser = share)]
         within: f64,
-        /// The time for trying, in s.
+        /// Time limit, in s.
         #[arg(long, value_name = "SECONDS", default_value_t = 120.0, value_parser = seconds)]
         budget_s: f64,
         #[command(flatten)]
@@ -226,7 +226,7 @@ enum Command {
         /// Run directory.
         dir: PathBuf,
     },
-    /// Compare runs of one plant with the first of them: their configs, their numbers.
+    /// Compare the configs and numbers of runs of one plant with the first run.
     Compare {
         /// Run directories, two or more.
         #[arg(required = true, num_args = 2.., value_name = "DIR")]
@@ -250,7 +250,7 @@ enum Command {
         /// Print JSON instead of tables.
         #[arg(long)]
         json: bool,
-        /// Use small sizes and few repetitions: everything runs, but the times say little.
+        /// Use small sizes and few repetitions: everything runs, but the times mean little.
         #[arg(long)]
         quick: bool,
         /// Only time loss and gradient of the Van der Pol net, and write one evaluation to FILE

@@ -30,9 +30,8 @@ impl Base {
         let (name, command) = (&experiment.name, "pinc choose");
         let missing = |section| RunError::missing_section(name, section, command);
         if experiment.plant.is_black_box() {
-            let problem = format!(
-                "`{command}` needs a plant with an equation, and that of [plant] is a black box"
-            );
+            let problem =
+                format!("`{command}` needs a plant with an equation, and [plant] is a black box");
             return Err(RunError::usage(name, problem));
         }
         let control = experiment.control.as_ref().ok_or_else(|| missing("control"))?;

@@ -65,8 +65,8 @@ impl fmt::Display for Submitted {
             ),
             (numbers, _) => write!(
                 f,
-                "submitted: {} ({jobs} jobs, and the merge after them); `pinc status {dir}` says how \
-                 far they are",
+                "submitted: {} ({jobs} jobs, and the merge after them); `pinc status {dir}` shows \
+                 their progress",
                 numbers.join(", ")
             ),
         }

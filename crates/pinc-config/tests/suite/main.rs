@@ -4,6 +4,5 @@ mod arrays;
 mod common;
 mod config;
 mod estimator;
-mod guide;
 mod names;
 mod times;

@@ -13,7 +13,7 @@ fn model() -> Linear {
     }
 }
 
-/// The first state is widened to that of a step, 0.49, the second to that of the beginning, 2.25.
+/// The first state is widened to a step's variance, 0.49, the second to the initial one, 2.25.
 fn tuning() -> Tuning {
     Tuning {
         initial_estimate: vec![0.3, -0.2],

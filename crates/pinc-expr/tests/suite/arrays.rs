@@ -232,7 +232,7 @@ fn every_element_has_one_equation() {
     let said = "`derivatives.T[i]`: the name `T[3]` is taken by `derivatives.T[3]`";
     assert_eq!(twice.to_string(), said);
     let unsaid = error(|rod| drop(rod.intermediates.insert("r[i]".to_owned(), "T[i]".to_owned())));
-    let expected = "`let.r[i]`: for which elements is not said, expected a range, as r[i=1..n]";
+    let expected = "`let.r[i]`: no range of elements given; expected one, as r[i=1..n]";
     assert!(unsaid.to_string().starts_with(expected), "{unsaid}");
 }
 

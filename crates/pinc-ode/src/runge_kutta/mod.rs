@@ -38,7 +38,7 @@ pub type Rk5<P> = RungeKutta<P, DormandPrince>;
 /// of a small plant ([`RungeKutta::suits`]), compiled for its equation. The tableaus are with
 /// [`Classical`] and [`DormandPrince`].
 ///
-/// The Jacobians are those of the method itself, exact to rounding, by dual numbers through it. All
+/// The Jacobians differentiate the method itself, exact to rounding, by dual numbers through it. All
 /// columns go through it together, in the lanes of the machine's widest vectors, for two points
 /// side by side; of plants with few columns or a long equation ([`Plant::LONG`]) the lanes are
 /// points.

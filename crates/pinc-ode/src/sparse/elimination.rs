@@ -222,7 +222,7 @@ impl<V: Simd> Elimination<V> {
         }
     }
 
-    /// Puts their solutions beside those of the other lanes.
+    /// Puts their solutions beside the solutions of other lanes.
     #[inline(never)]
     fn place_alone<const W: usize>(&mut self, b: &mut [[V; W]]) {
         let Self { alone, exchanged, .. } = self;

@@ -52,7 +52,7 @@ pub trait CurvedFunction: SparseFunction {
     fn curve<V: Simd>(&self, memory: &mut [V]) -> &[u16];
 }
 
-/// A second derivative: that of an entry of the Jacobian, counted through the pattern, by a
+/// A second derivative: an entry of the Jacobian, counted through the pattern, by a
 /// variable.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Curvature {

@@ -67,7 +67,7 @@ impl<V: Simd> Sensitivities<V> {
         Self { width, variables, states, blocks, stride, rows: spans, numbers, reach }
     }
 
-    /// Sets them to those of a step of no length: the identity.
+    /// Sets them to the identity, as for a step of no length.
     #[inline(always)]
     pub(super) fn reset(&mut self, zero: V) {
         let Self { width, variables, blocks, .. } = *self;

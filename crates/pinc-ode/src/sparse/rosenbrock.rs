@@ -73,7 +73,7 @@ pub(super) const C: [[f64; 5]; 5] = [
 /// than h. Reference: Hairer and Wanner, *Solving Ordinary Differential Equations II*, section IV.7
 /// and table IV.7.2 (the form without products of J) and the code RODAS there.
 ///
-/// The points of a horizon are in the lanes of the vectors of `isa`. The sensitivities are those of
+/// The points of a horizon are in the lanes of the vectors of `isa`. The sensitivities differentiate
 /// the method itself, exact to rounding: its equations, differentiated, are linear systems with the
 /// same matrix, and with the second derivatives of f on the right.
 ///

@@ -37,7 +37,7 @@ impl<F: SparseFunction, H: SparseFunction> SparsePlant<F, H> {
 ///
 /// The points of a horizon are in the lanes of the vectors of `isa`. At each stage f and the
 /// entries of its Jacobian are computed at all of them; the sensitivities S follow S' = J S with
-/// sparse J. So they are those of the method itself, exact to rounding.
+/// sparse J. So they are the derivatives of the method itself, exact to rounding.
 ///
 /// # Panics
 ///

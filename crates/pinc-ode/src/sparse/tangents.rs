@@ -72,7 +72,7 @@ impl<V: Simd> Tangents<V> {
         }
     }
 
-    /// Sets them to those of a step of no length: the identity.
+    /// Sets them to the identity, as for a step of no length.
     #[inline(always)]
     pub(super) fn reset(&mut self, zero: V) {
         let Self { width, variables, .. } = *self;

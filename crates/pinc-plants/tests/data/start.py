@@ -5,7 +5,7 @@ the largest error in K. Needs numpy.
 
     python3 start.py
 
-The equation is that of expected.py. The fit is linear least squares on (numerator - z denominator), weighted by
+The equation is the same as in expected.py. The fit is linear least squares on (numerator - z denominator), weighted by
 the denominator and the error of the fit before; of all fits with positive coefficients below, which keep
 the quotient finite, that with the smallest error is taken.
 """

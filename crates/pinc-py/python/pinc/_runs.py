@@ -20,7 +20,7 @@ Table = dict[str, np.ndarray]
 
 
 class Run:
-    """The directory of a run, that of ``run`` or of the program ``pinc``.
+    """The directory of a run, made by ``run`` or by the program ``pinc``.
 
     Nothing is read before it is asked for; tables are dictionaries of NumPy arrays by column, in
     which an empty cell is NaN.

@@ -217,7 +217,7 @@ pub(crate) mod rows {
     pub const MAX_VIOLATION: Metric = of(
         ["max_violation"; 2],
         "largest violation of a bound",
-        Errors("that of the bound"),
+        Errors("unit of the bound"),
         2,
         |of| of.max_violation,
     )

@@ -22,7 +22,7 @@ pub(super) fn picture(run: &Run, loops: &[Loop<'_>]) -> Option<Picture> {
         title: "Differences of the closed loops".to_owned(),
         figure: Figure::stack("Differences of the closed loops", axis, panels),
         caption: format!(
-            "Each loop less that of {}, at the times of both; between its rows the first loop is \
+            "Each loop less the loop of {}, at the times of both; between its rows the first loop is \
              interpolated linearly.",
             first.name
         ),

@@ -82,7 +82,7 @@ impl Page {
         let (Some(folder), Some(from)) = (&self.folder, run.picture(stem)) else { return };
         let preset = run.preset.name();
         let name = format!("{}-{preset}-{stem}.svg", run.experiment);
-        let picture = format!("![{what}, preset {preset}]({folder}/{name})");
+        let picture = format!("![]({folder}/{name})");
         self.pictures.push(Copied { from, name });
         self.paragraph(&format!("{what}, preset `{preset}`:"));
         self.paragraph(&picture);

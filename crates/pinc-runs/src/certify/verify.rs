@@ -54,7 +54,7 @@ pub fn verify_certificate(
     }
 }
 
-/// Whether the bounds of `found` are those of `again`, but for what other instruction sets round
+/// Whether the bounds of `found` equal the bounds of `again`, but for what other instruction sets round
 /// otherwise.
 fn is_covered(again: &Certificate, found: &Certificate) -> bool {
     let stated = |state: &String| found.proven.get(state).copied().unwrap_or(0.0);

@@ -152,7 +152,7 @@ fn parameters_are_variables_too() {
     let domain = [[-1.0, 1.0], [-1.0, 1.0], [0.0, 0.1], [0.5, 2.0]];
     let bracket = search(&error, &domain, 1.3, 40).bracket();
     assert!(bracket.is_complete, "{bracket:?}");
-    // The largest error is that of the largest mu.
+    // The error is largest at the largest mu.
     assert!(bracket.found[1].at[3] > 1.9, "{bracket:?}");
     let stronger = PlantEquations::traced(VanDerPol { mu: 2.0 });
     let error = StepError::new(&stronger, &[], 1, model, 0.3).unwrap();

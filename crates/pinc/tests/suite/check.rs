@@ -407,7 +407,7 @@ fn a_reference_inside_an_obstacle_is_named() {
     let about = found.iter().filter(|f| f.what.starts_with("clearance"));
     assert_eq!(about.count(), 1, "{found:?}");
     let free = cart(&["control.references.1.value=[0.55]"]);
-    with(&free, &["start and references are within the bounds, those of the outputs among them"]);
+    with(&free, &["start and references are within the bounds, also of outputs"]);
 }
 
 #[test]

@@ -59,7 +59,7 @@ fn what_cannot_be_compared_is_refused_in_words() {
     assert_eq!(outcome(command.arg(&oscillator).arg(config)).code, Some(0));
     compare(&[&tank, &oscillator], &[]).assert_refused(&[
         "its plant is van-der-pol with states x1, x2, inputs u",
-        "expected that of",
+        "expected the plant of",
         "one-tank with states h (cm), inputs u (V)",
     ]);
     fs::remove_file(oscillator.join("metrics.json")).unwrap();

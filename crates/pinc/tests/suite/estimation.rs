@@ -434,7 +434,7 @@ fn check_asks_the_plant_of_the_loop() {
         ))
     };
     let said = pumps("[3.1, 3.1]");
-    assert!(said.contains("the plant of the loop can hold what that of the models can"), "{said}");
+    assert!(said.contains("the plant of the loop can hold what the models' plant can"), "{said}");
     let said = pumps("[1.5, 1.5]");
     assert!(
         said.contains("with the plant of the loop: ") && said.contains("within bounds"),

@@ -1,6 +1,7 @@
 //! The seams between the program's closed loop and the ways in which its controller leaves it: of
 //! every shipped config, and of every key of `[control]`, the served and the exported controller
-//! choose the inputs of the loop, or refuse by name. What was found is `docs/ways-out.md`.
+//! choose the inputs of the loop, or refuse by name. What was found is `docs/ways-out.md`,
+//! whose tables this test writes.
 
 use crate::closed::Closed;
 use crate::common::{Outcome, repository};
@@ -16,8 +17,8 @@ const STEPS: usize = 8;
 /// How far inputs may differ, relative to 1 + |u|.
 const ALLOWED: f64 = 1e-9;
 
-/// The page that says what was found. With `PINC_WRITE` set it is written.
-const PAGE: &str = "docs/ways-out.md";
+/// The tables that say what was found, of docs/ways-out.md. With `PINC_WRITE` set they are written.
+const TABLES: &str = "docs/tables/ways-out";
 
 /// What a way out does with the controller of a loop.
 #[derive(Clone, Debug, PartialEq)]
@@ -38,7 +39,7 @@ impl Found {
     fn in_words(&self, same: &str) -> String {
         match self {
             Self::Same => same.to_owned(),
-            Self::Refused(message) => format!("refused: {}", message.replace('|', "\\|")),
+            Self::Refused(message) => format!("refused: {message}"),
         }
     }
 }
@@ -108,7 +109,7 @@ fn configs(dir: &Path, found: &mut Vec<PathBuf>) {
 const EXPENSIVE: [&str; 3] = ["pareto", "costly", "distributed"];
 
 /// A row of the page for each shipped config with a loop that has an integrator as a model.
-fn rows_of_configs() -> Vec<String> {
+fn rows_of_configs() -> Vec<[String; 4]> {
     let mut all = Vec::new();
     configs(&repository("configs"), &mut all);
     let mut rows = Vec::new();
@@ -143,7 +144,7 @@ fn rows_of_configs() -> Vec<String> {
         let (_, ways) = compare(&config, kind, &sets);
         let [served, in_c] = ways.map(|found| found.in_words("same"));
         let name = config.strip_prefix(repository("")).unwrap().display().to_string();
-        rows.push(format!("| `{name}` | {} | {served} | {in_c} |", kind.title()));
+        rows.push([format!("`{name}`"), kind.title().to_owned(), served, in_c]);
     }
     rows
 }
@@ -392,7 +393,7 @@ fn every_key_is_looked_at() {
 }
 
 /// A row of the page for each key.
-fn rows_of_keys() -> Vec<String> {
+fn rows_of_keys() -> Vec<[String; 4]> {
     let dir = tempfile::tempdir().unwrap();
     let config = dir.path().join("keys.toml");
     fs::write(&config, BASE).unwrap();
@@ -411,7 +412,8 @@ fn rows_of_keys() -> Vec<String> {
     let mut rows = Vec::new();
     for (key, sets, about) in keys() {
         if key == "plant" {
-            rows.push(format!("| `{key}` | yes | of the loop | of the loop |"));
+            let cells = [&format!("`{key}`"), "yes", "of the loop", "of the loop"];
+            rows.push(cells.map(str::to_owned));
             continue;
         }
         let (found, ways) = inputs(&sets);
@@ -429,25 +431,35 @@ fn rows_of_keys() -> Vec<String> {
             About::Unseen => "not compared",
         };
         let [served, in_c] = ways.map(|found| found.in_words(same));
-        rows.push(format!("| `{key}` | yes | {served} | {in_c} |"));
+        rows.push([format!("`{key}`"), "yes".to_owned(), served, in_c]);
     }
     rows
 }
 
-#[test]
-fn the_page_of_the_ways_out_says_what_is_found() {
-    let page = format!(
-        include_str!("ways-out.md"),
-        keys = rows_of_keys().join("\n"),
-        configs = rows_of_configs().join("\n")
-    );
-    let path = repository(PAGE);
+/// Compares a table with what was found.
+#[track_caller]
+fn assert_table(name: &str, heads: [&str; 4], rows: Vec<[String; 4]>) {
+    let mut table = csv::Writer::from_writer(Vec::new());
+    table.write_record(heads).unwrap();
+    for row in rows {
+        table.write_record(row).unwrap();
+    }
+    let table = String::from_utf8(table.into_inner().unwrap()).unwrap();
+    let path = repository(TABLES).join(name);
     if std::env::var_os("PINC_WRITE").is_some() {
-        fs::write(&path, &page).unwrap();
+        fs::create_dir_all(repository(TABLES)).unwrap();
+        fs::write(&path, &table).unwrap();
     }
     let found = fs::read_to_string(&path).unwrap_or_default();
     assert!(
-        found == page,
-        "{PAGE} differs: PINC_WRITE=1 cargo test -p pinc --test suite seams\n{page}"
+        found == table,
+        "{TABLES}/{name} differs: PINC_WRITE=1 cargo test -p pinc --test suite seams\n{table}"
     );
+}
+
+#[test]
+fn the_page_of_the_ways_out_says_what_is_found() {
+    let ways = ["`pinc serve`, Python", "C, FMU"];
+    assert_table("keys.csv", ["key", "`pinc control`", ways[0], ways[1]], rows_of_keys());
+    assert_table("configs.csv", ["config", "model", ways[0], ways[1]], rows_of_configs());
 }

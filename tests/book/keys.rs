@@ -1,37 +1,9 @@
-//! `docs/config-keys.md`: every key of a config, read from the types that configs are
-//! deserialized into. With `PINC_WRITE` set in the environment, the test writes the page.
+//! The sections of a config with their keys, read from the types that configs are deserialized into.
 
-mod defaults;
-mod types;
-
-use crate::defaults::Defaults;
-use crate::types::{Field, Shape, Types};
+use super::defaults::Defaults;
+use super::types::{Field, Shape, Types};
 use std::collections::BTreeMap;
-use std::fs;
-use std::path::{Path, PathBuf};
-
-const PAGE: &str = "docs/config-keys.md";
-
-const HEAD: &str = "# Config reference
-
-Every key of a config, in the order of the resolved `config.toml` in a run directory. A test writes
-this page from the types that configs are read into: `PINC_WRITE=1 cargo test -p pinc-tests --test
-config_reference`.
-
-- **type**: a *table of* something has names as its keys; a *list of* something has its entries in
-  the order that the description names.
-- **unit**: a key that ends in `_s` is in seconds, one that ends in `_us` in microseconds. All other
-  numbers are in the units of the plant, or have none.
-- **default**: the value of a key that a config leaves out. A *required* key has none; *none* means
-  that the key is absent, and its description says what happens then. Sections marked *preset* take
-  defaults from `preset`: the tables show the values of `ours`, and of the other two where they
-  differ. A section exists only if the config mentions it.
-
-";
-
-fn root() -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).parent().expect("a folder above the tests").to_owned()
-}
+use std::sync::LazyLock;
 
 /// The page being written.
 struct Page<'a> {
@@ -158,16 +130,19 @@ fn joined(path: &str, key: &str) -> String {
     if path.is_empty() { key.to_owned() } else { format!("{path}.{key}") }
 }
 
-fn page() -> (String, Vec<String>) {
-    let (types, defaults) = (Types::read(&root()), Defaults::read(&root()));
+/// The sections, and the keys whose descriptions are no sentences; the sources are read once.
+static DESCRIBED: LazyLock<(String, Vec<String>)> = LazyLock::new(described);
+
+fn described() -> (String, Vec<String>) {
+    let root = super::root();
+    let (types, defaults) = (Types::read(&root), Defaults::read(&root));
     let mut page = Page {
         types: &types,
         defaults: &defaults,
-        text: HEAD.to_owned(),
+        text: "## Above all sections\n\n".to_owned(),
         described: BTreeMap::new(),
         poor: Vec::new(),
     };
-    page.text += "## Above all sections\n\n";
     let top = types.fields("Experiment").expect("the root of a config");
     page.fields("", "Experiment", top);
     page.text += "## `[presets.NAME]`\n\nValues for one preset alone, over those of the sections: \
@@ -175,64 +150,13 @@ fn page() -> (String, Vec<String>) {
     (page.text, page.poor)
 }
 
-#[test]
-fn the_reference_of_configs_is_what_their_types_say() {
-    let path = root().join(PAGE);
-    let (text, _) = page();
-    if std::env::var_os("PINC_WRITE").is_some() {
-        fs::create_dir_all(path.parent().expect("a folder")).expect("a folder for the page");
-        fs::write(&path, text).expect("a page that can be written");
-    } else {
-        let written = fs::read_to_string(&path).unwrap_or_default();
-        assert!(written == text, "{PAGE}: run this test with PINC_WRITE=1");
-    }
+/// The sections of a config, each with a table of its keys.
+pub(super) fn sections() -> String {
+    DESCRIBED.0.clone()
 }
 
-#[test]
-fn every_key_is_described_by_sentences() {
-    let (_, poor) = page();
-    assert!(poor.is_empty(), "{}", poor.join("\n"));
-}
-
-/// What the page says is what the program reads: resolved shipped configs have no key without a row,
-/// and rows say the values that a config has without saying them.
-#[test]
-fn the_page_has_the_keys_and_defaults_of_resolved_configs() {
-    let (text, _) = page();
-    let load = |name: &str| {
-        let path = root().join("configs/smoke").join(name);
-        let plants = pinc_config::Plants::built_in();
-        pinc_config::Experiment::load(&path, &[], &plants).expect("a config").to_toml()
-    };
-    let mut sections = 0;
-    for name in ["van-der-pol.toml", "four-tanks.toml"] {
-        let config: toml::Table = load(name).parse().expect("TOML");
-        for (section, value) in &config {
-            let toml::Value::Table(table) = value else {
-                assert!(text.contains(&format!("| `{section}` |")), "{section}");
-                continue;
-            };
-            let begin = text.find(&format!("\n## `[{section}]`")).expect("a section");
-            let length = text[begin + 1..].find("\n## ").expect("another section");
-            sections += 1;
-            for key in table.keys() {
-                let (row, word) = (format!("\n| `{key}` |"), format!("\n- `{key}`"));
-                let part = &text[begin..begin + 1 + length];
-                assert!(part.contains(&row) || part.contains(&word), "[{section}] {key}");
-            }
-        }
-    }
-    assert!(sections >= 12, "{sections} sections");
-    for row in [
-        "| `horizon_s` | number | s | required |",
-        "| `max_failed_share` | number |  | 0.05 |",
-        "| `n2` | whole number |  | 5 |",
-        "| `real_time` | true or false |  | false |",
-        "| `lambda` | number |  | 1.0; as-printed 0.1",
-        "| `measure_s` | number | s | 0.2 |",
-        "| `budget_us` | number | µs | none |",
-        "| `beta1` | number |  | 0.9 |",
-    ] {
-        assert!(text.contains(row), "no {row}");
-    }
+/// Returns the keys that their types do not describe by a sentence.
+#[must_use]
+pub fn undescribed_keys() -> Vec<String> {
+    DESCRIBED.1.clone()
 }

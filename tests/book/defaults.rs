@@ -1,6 +1,6 @@
 //! The values of keys that a config does not say.
 
-use crate::types::{Field, Given, Shape, Types};
+use super::types::{Field, Given, Shape, Types};
 use pinc_mpc::SqpConfig;
 use pinc_net::optim::{LbfgsConfig, LevenbergMarquardtConfig, SelfScaledBroydenConfig};
 use std::fs;
