@@ -7,6 +7,8 @@ pub(crate) enum Guess {
     Cold,
     /// The inputs are known, and the states stay at that of the first step.
     Held,
+    /// All inputs are known, and the states are those to which they lead from the first step's.
+    Given,
     /// Its states are worth starting from. `fallback`: it was also good enough to be followed
     /// without need.
     Warm { fallback: bool },
