@@ -29,7 +29,7 @@ fn first_plans_are_those_of_ipopt() {
     assert!(answers.len() >= 3, "{}", answers.len());
     for Answer { name, objective, inputs, status } in answers {
         assert_eq!(status, "Solve_Succeeded", "{name}");
-        let path = repository().join(format!("configs/gallery/{name}.toml"));
+        let path = repository(&format!("configs/gallery/{name}.toml"));
         let experiment = Experiment::load(&path, &[], &Plants::built_in())
             .unwrap_or_else(|error| panic!("{error}"));
         let mut controller = LiveController::new(&experiment, None, None, "the test").unwrap();
@@ -52,7 +52,7 @@ fn first_plans_are_those_of_ipopt() {
 
 #[test]
 fn a_cost_that_is_wrong_is_named_with_its_key() {
-    let path = repository().join("configs/gallery/batch-reactor.toml");
+    let path = repository("configs/gallery/batch-reactor.toml");
     for (set, expected) in [
         ("control.cost.stage=\"-Q/hour\"", "`control.cost.stage`"),
         ("control.cost.terminal=\"-P +\"", "`control.cost.terminal`"),
