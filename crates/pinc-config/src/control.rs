@@ -67,11 +67,11 @@ pub struct ControlSpec {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub stages_s: Option<Vec<f64>>,
     /// Q, the weight of the controlled quantities' squared errors.
-    #[serde(default = "no_weight", skip_serializing_if = "is_no_weight")]
+    #[serde(default, skip_serializing_if = "is_no_weight")]
     pub q: Weight,
     /// R, the weight of the inputs' squared changes. It may be left out where there is a
     /// `[control.cost]`.
-    #[serde(default = "no_weight", skip_serializing_if = "is_no_weight")]
+    #[serde(default, skip_serializing_if = "is_no_weight")]
     pub r: Weight,
     /// A cost as text beside the quadratic one, or in its place.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -290,13 +290,9 @@ impl ControlSpec {
     }
 }
 
-fn no_weight() -> Weight {
-    Weight::Diagonal(Vec::new())
-}
-
 /// Whether a weight was left out.
 pub(crate) fn is_no_weight(weight: &Weight) -> bool {
-    *weight == no_weight()
+    *weight == Weight::default()
 }
 
 fn yes() -> bool {

@@ -99,7 +99,7 @@ struct Costed {
 impl Costed {
     fn new() -> Self {
         let named =
-            |names: &[&'static str]| names.iter().map(|name| Variable::new(*name, "")).collect();
+            |names: &[&'static str]| names.iter().map(|name| Variable::new(name, "")).collect();
         let outputs = named(&["x", "rate", "end"]);
         Self { states: named(&["x", "t", "J"]), inputs: named(&["u"]), outputs }
     }
