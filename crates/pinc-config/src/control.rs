@@ -1,10 +1,12 @@
 //! The `[control]` section.
 
 use crate::estimator::{EstimatorSpec, MeasurementSpec};
-use crate::{LoadSpec, ModelKind, ParameterStep, PlantSpec, Variables};
+use crate::{CostSpec, LoadSpec, ModelKind, ParameterStep, PlantSpec, Variables};
 use pinc_mpc::{Bounds, NmpcProblem, Softness, SqpConfig, Tracked, Weight, Weights};
+use pinc_ode::Variable;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
+use std::path::PathBuf;
 
 /// A closed loop: the plant, integrated accurately, under the controller.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -46,7 +48,13 @@ pub struct ControlSpec {
     /// Input applied before the first step, one number per input; 0 if absent.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub initial_input: Option<Vec<f64>>,
-    /// Names of the states and outputs that follow the references.
+    /// Inputs that the search for the first plan starts from; if absent, the input applied before, or
+    /// 0, held.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub first_plan: Option<FirstPlanSpec>,
+    /// Names of the states, outputs and inputs that follow the references. They may be left out
+    /// where there is a `[control.cost]`, with `q` and `references`.
+    #[serde(default)]
     pub controlled: Vec<String>,
     /// N1, the first predicted step whose error counts, from 1.
     pub n1: usize,
@@ -59,9 +67,15 @@ pub struct ControlSpec {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub stages_s: Option<Vec<f64>>,
     /// Q, the weight of the controlled quantities' squared errors.
+    #[serde(default, skip_serializing_if = "is_no_weight")]
     pub q: Weight,
-    /// R, the weight of the inputs' squared changes.
+    /// R, the weight of the inputs' squared changes. It may be left out where there is a
+    /// `[control.cost]`.
+    #[serde(default, skip_serializing_if = "is_no_weight")]
     pub r: Weight,
+    /// A cost as text beside the quadratic one, or in its place.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub cost: Option<CostSpec>,
     /// Weight of the squared error at the end of the horizon, in place of Q. It is not multiplied
     /// by the length of the last stage. If absent, Q counts there too.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -145,6 +159,7 @@ pub struct ControlSpec {
     #[serde(skip_serializing_if = "Option::is_none")]
     pub step_s: Option<f64>,
     /// Reference of the controlled quantities, piecewise constant.
+    #[serde(default)]
     pub references: Vec<ReferenceStep>,
     /// Parts of the run, each `[from, to]` in s, that the report shows enlarged; if there are none,
     /// the first steps of a long run.
@@ -162,19 +177,22 @@ impl ControlSpec {
         let own = variables.own_outputs();
         let tracked = |name: &String| {
             let output = || own.iter().find(|(_, v)| v.name == *name);
-            match variables.states.iter().position(|v| v.name == *name) {
-                Some(state) => Some(Tracked::State(state)),
-                None => output().map(|(place, _)| Tracked::Output(*place)),
+            let place = |of: &[Variable]| of.iter().position(|v| v.name == *name);
+            match (place(&variables.states), output()) {
+                (Some(state), _) => Some(Tracked::State(state)),
+                (None, Some((place, _))) => Some(Tracked::Output(*place)),
+                (None, None) => place(&variables.inputs).map(Tracked::Input),
             }
         };
         let factors = self.weights_profile.factors(self.n2, sample_time_s);
         let free = self.nu.min(self.n2);
+        let r = self.input_weight(inputs);
         let weights = match factors {
             None => {
-                let uniform = || Weights::uniform(self.q.clone(), self.r.clone());
-                self.weights_by_length().unwrap_or_else(uniform)
+                let uniform = || Weights::uniform(self.q.clone(), r.clone());
+                self.weights_by_length(&r).unwrap_or_else(uniform)
             }
-            Some(w) => Weights::scaled(self.q.clone(), self.r.clone(), &w, &w[..free]),
+            Some(w) => Weights::scaled(self.q.clone(), r, &w, &w[..free]),
         };
         let weights = Weights {
             terminal: self.q_terminal.clone(),
@@ -198,6 +216,12 @@ impl ControlSpec {
 }
 
 impl ControlSpec {
+    /// R, which is 0 if it was left out.
+    #[must_use]
+    pub fn input_weight(&self, inputs: usize) -> Weight {
+        if is_no_weight(&self.r) { Weight::Diagonal(vec![0.0; inputs]) } else { self.r.clone() }
+    }
+
     /// The width of each state's range between its bounds, 0 without both of them; empty without
     /// any bounds.
     #[must_use]
@@ -264,6 +288,11 @@ impl ControlSpec {
         }
         Some(Weight::Full(rows))
     }
+}
+
+/// Whether a weight was left out.
+pub(crate) fn is_no_weight(weight: &Weight) -> bool {
+    *weight == Weight::default()
 }
 
 fn yes() -> bool {
@@ -333,6 +362,19 @@ pub struct ReferenceStep {
     pub start_s: f64,
     /// Reference of each controlled quantity, in its unit.
     pub value: Vec<f64>,
+}
+
+/// The inputs of a first plan: `input` or `file`.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct FirstPlanSpec {
+    /// One number per input, held over the horizon.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub input: Option<Vec<f64>>,
+    /// A CSV file with the columns `t` and the inputs, whose rows hold until the next row, such as
+    /// `control.csv` of an earlier run. Its first row is the beginning of the plan.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub file: Option<PathBuf>,
 }
 
 fn is_default(of: &OnError) -> bool {

@@ -12,6 +12,7 @@
 mod arrays;
 mod black_box;
 mod control;
+mod cost;
 mod data;
 mod estimator;
 mod experiment;
@@ -40,7 +41,10 @@ mod trial;
 mod validate;
 
 pub use black_box::{FmuSpec, ProcessSpec};
-pub use control::{ControlSpec, InputDifference, OnError, OutsidePolicy, Profile, ReferenceStep};
+pub use control::{
+    ControlSpec, FirstPlanSpec, InputDifference, OnError, OutsidePolicy, Profile, ReferenceStep,
+};
+pub use cost::CostSpec;
 pub use data::DataSpec;
 pub use estimator::{
     DisturbanceSpec, EstimatorKind, EstimatorSpec, GateSpec, GateWord, MeasurementSpec,

@@ -1,7 +1,7 @@
 //! The stages of the horizon where they differ in length: `control.stages_s`.
 
 use crate::ControlSpec;
-use pinc_mpc::Weights;
+use pinc_mpc::{Weight, Weights};
 use pinc_ode::Integrator;
 
 impl ControlSpec {
@@ -73,10 +73,10 @@ impl ControlSpec {
 
     /// The weights of stages of different length, if they are: a stage counts in Q as many times as
     /// it is longer than the first, as its steps would.
-    pub(crate) fn weights_by_length(&self) -> Option<Weights> {
+    pub(crate) fn weights_by_length(&self, r: &Weight) -> Option<Weights> {
         let lengths = self.stages_s.as_ref()?;
         let w: Vec<f64> = lengths.iter().map(|length| length / lengths[0]).collect();
         let v = vec![1.0; self.nu.min(self.n2)];
-        Some(Weights::scaled(self.q.clone(), self.r.clone(), &w, &v))
+        Some(Weights::scaled(self.q.clone(), r.clone(), &w, &v))
     }
 }

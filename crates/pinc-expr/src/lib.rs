@@ -14,6 +14,7 @@
 mod algebraic;
 mod arrays;
 mod checks;
+mod cost;
 mod critical;
 mod error;
 mod graph;
@@ -33,6 +34,7 @@ mod text_plant;
 mod traced;
 
 pub use algebraic::{AlgebraicVariable, Start};
+pub use cost::CostExpressions;
 pub use critical::{CriticalTerm, CriticalTerms, LoneTerm, TermRole};
 pub use error::{Deficiency, Excerpt, ExpressionError, ExpressionProblem};
 pub use graph::Function;
@@ -262,6 +264,17 @@ impl Equations {
         self.unrolled(|plain| plain.graph(varying)?.compile())
     }
 
+    /// See [`PlantEquations::compile_with_cost`].
+    pub(crate) fn compile_with_cost(
+        &self,
+        varying: &[&str],
+        cost: CostExpressions<'_>,
+    ) -> Result<ExpressionPlant, ExpressionError> {
+        self.unrolled_with(cost.texts(), |plain, texts| {
+            plain.graph_beside(varying, Some((cost, texts)))?.compile()
+        })
+    }
+
     /// The terms on which it depends where these equations are defined and smooth.
     ///
     /// # Errors
@@ -273,6 +286,15 @@ impl Equations {
 
     /// The values that derivatives and outputs are computed from.
     fn graph(&self, varying: &[&str]) -> Result<PlantGraph, ExpressionError> {
+        self.graph_beside(varying, None)
+    }
+
+    /// The same with a cost, whose plain texts are given, beside them.
+    fn graph_beside(
+        &self,
+        varying: &[&str],
+        cost: Option<(CostExpressions<'_>, [&str; 2])>,
+    ) -> Result<PlantGraph, ExpressionError> {
         self.check_names()?;
         self.check_states_have_derivatives()?;
         self.check_algebraic()?;
@@ -285,10 +307,17 @@ impl Equations {
         for (name, &value) in &self.parameters {
             scope.insert(name, graph.constant(value));
         }
-        let listed = self.states.iter().chain(&self.inputs).map(|variable| &*variable.name);
-        let variables: Vec<&str> = listed.chain(varying.iter().copied()).collect();
+        let mut variables: Vec<Option<&str>> = Vec::new();
+        variables.extend(self.states.iter().map(|variable| Some(&*variable.name)));
+        // No equation of the plant knows what a cost adds.
+        variables.extend(cost.iter().flat_map(|_| cost::ADDED.map(|_| None)));
+        variables.extend(self.inputs.iter().map(|variable| Some(&*variable.name)));
+        variables.extend(varying.iter().map(|name| Some(*name)));
         for (i, name) in variables.iter().enumerate() {
-            scope.insert(name, graph.variable(i));
+            let value = graph.variable(i);
+            if let Some(name) = name {
+                scope.insert(name, value);
+            }
         }
         for (i, name) in self.algebraic.keys().enumerate() {
             scope.insert(name, graph.variable(variables.len() + i));
@@ -320,7 +349,7 @@ impl Equations {
             outputs.push(parse(format!("outputs.{name}"), text)?);
         }
         self.check_parameters_are_used()?;
-        Ok(PlantGraph {
+        let mut all = PlantGraph {
             graph,
             states: self.states.clone(),
             inputs: self.inputs.clone(),
@@ -331,7 +360,11 @@ impl Equations {
             algebraic,
             names,
             keys,
-        })
+        };
+        if let Some((cost, texts)) = cost {
+            all.add_cost(cost, texts, scope)?;
+        }
+        Ok(all)
     }
 }
 

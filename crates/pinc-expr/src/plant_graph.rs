@@ -1,6 +1,7 @@
 //! A plant's equations as a graph, however they were written.
 
 use crate::algebraic::Algebraic;
+use crate::cost::{ADDED, CostExpressions};
 use crate::critical::CriticalTerms;
 use crate::error::{ExpressionError, ExpressionProblem};
 use crate::graph::{Graph, Value};
@@ -37,29 +38,32 @@ pub(crate) struct PlantGraph {
 impl PlantGraph {
     /// That of a plant in Rust, in which the constants named in `varying` are parameters behind its
     /// own and the others have the values of `constants`. Equations that it solves inside become
-    /// algebraic variables, or, `unrolled`, the steps of their solution.
+    /// algebraic variables, or, `unrolled`, the steps of their solution. A `cost` is beside them.
     pub(crate) fn traced<P: Plant>(
         plant: &P,
         constants: &BTreeMap<String, f64>,
         varying: &[&str],
         unrolled: bool,
+        cost: Option<CostExpressions<'_>>,
     ) -> Result<Self, ExpressionError> {
         let (states, inputs) = (plant.states().to_vec(), plant.inputs().to_vec());
         let mut parameters = plant.parameters().to_vec();
         let own = parameters.len();
         parameters.extend(varying.iter().map(|&name| variable(name, "")));
-        let count = states.len() + inputs.len() + parameters.len();
+        let added = if cost.is_some() { ADDED.len() } else { 0 };
+        let count = states.len() + added + inputs.len() + parameters.len();
         let tracer = Tracer::new(count, unrolled);
         let variables: Vec<Traced<'_>> = (0..count).map(|i| tracer.variable(i)).collect();
         let (x, rest) = variables.split_at(states.len());
-        let (u, p) = rest.split_at(inputs.len());
+        let (u, p) = rest[added..].split_at(inputs.len());
         let (p, varied) = p.split_at(own);
         let constant = |(name, value): (String, f64)| match varying.iter().position(|v| *v == name)
         {
             Some(place) => varied[place],
             None => tracer.constant(constants.get(&name).copied().unwrap_or(value)),
         };
-        let numbers: Vec<_> = plant.constants().into_iter().map(constant).collect();
+        let own_constants = plant.constants();
+        let numbers: Vec<_> = own_constants.iter().cloned().map(constant).collect();
         let zero = tracer.constant(0.0);
         let values = |traced: Vec<Traced<'_>>| -> Vec<Value> {
             traced.into_iter().map(|traced| traced.value).collect()
@@ -71,9 +75,15 @@ impl PlantGraph {
         plant.output(x, u, p, &mut y);
         let outputs = values(y);
         let are_states = outputs == values(x.to_vec());
+        let named =
+            states.iter().zip(x).chain(inputs.iter().zip(u)).chain(parameters.iter().zip(p));
+        let named: Vec<_> = named.map(|(of, traced)| (of.name.to_string(), traced.value)).collect();
+        let constants = own_constants.into_iter().zip(&numbers);
+        let named = constants.map(|((name, _), traced)| (name, traced.value)).chain(named);
+        let named: Vec<(String, Value)> = named.collect();
         let recording = tracer.finish().map_err(|problem| problem.at(RIGHT_HAND_SIDE))?;
         let nodes = recording.graph.nodes.len();
-        Ok(Self {
+        let mut traced = Self {
             graph: recording.graph,
             algebraic: recording.algebraic,
             output_variables: if are_states { Vec::new() } else { plant.outputs().to_vec() },
@@ -84,7 +94,12 @@ impl PlantGraph {
             inputs,
             parameters,
             derivatives,
-        })
+        };
+        if let Some(cost) = cost {
+            let scope = named.iter().map(|(name, value)| (name.as_str(), *value)).collect();
+            traced.add_cost(cost, cost.texts().map(|(_, text)| text), scope)?;
+        }
+        Ok(traced)
     }
 
     /// States, inputs and parameters.

@@ -57,7 +57,7 @@ impl<P: Plant> RustPlant<P> {
     fn recorded(&self) -> Result<&SparseEquations, ExpressionError> {
         let record = || {
             let constants: BTreeMap<_, _> = self.plant.constants().into_iter().collect();
-            PlantGraph::traced(&self.plant, &constants, &[], false)?.into_sparse()
+            PlantGraph::traced(&self.plant, &constants, &[], false, None)?.into_sparse()
         };
         self.recorded.get_or_init(record).as_ref().map_err(Clone::clone)
     }

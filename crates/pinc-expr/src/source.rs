@@ -2,7 +2,7 @@
 
 use crate::plant_graph::PlantGraph;
 use crate::rust_plant;
-use crate::{CriticalTerms, Equations, ExpressionError, ExpressionPlant, Listing};
+use crate::{CostExpressions, CriticalTerms, Equations, ExpressionError, ExpressionPlant, Listing};
 use pinc_ode::{DynPlant, Plant};
 use std::collections::BTreeMap;
 use std::fmt::Debug;
@@ -48,6 +48,7 @@ trait Trace: Debug + Send + Sync {
         constants: &BTreeMap<String, f64>,
         varying: &[&str],
         unrolled: bool,
+        cost: Option<CostExpressions<'_>>,
     ) -> Result<PlantGraph, ExpressionError>;
 }
 
@@ -64,8 +65,9 @@ impl<P: Plant> Trace for P {
         constants: &BTreeMap<String, f64>,
         varying: &[&str],
         unrolled: bool,
+        cost: Option<CostExpressions<'_>>,
     ) -> Result<PlantGraph, ExpressionError> {
-        PlantGraph::traced(self, constants, varying, unrolled)
+        PlantGraph::traced(self, constants, varying, unrolled, cost)
     }
 }
 
@@ -129,7 +131,43 @@ impl PlantEquations {
     pub fn compile_with(&self, varying: &[&str]) -> Result<ExpressionPlant, ExpressionError> {
         match &self.0 {
             Source::Text(equations) => equations.compile_with(varying),
-            Source::Rust { plant, constants } => plant.trace(constants, varying, false)?.compile(),
+            Source::Rust { plant, constants } => {
+                plant.trace(constants, varying, false, None)?.compile()
+            }
+        }
+    }
+
+    /// [`PlantEquations::compile_with`] with a cost beside the equations: behind the plant's own
+    /// states come the time `t` and the cost integrated so far, and behind its outputs, which are
+    /// the states if it has none, the rate of the cost and the cost of an end.
+    ///
+    /// ```
+    /// use pinc_expr::{CostExpressions, PlantEquations};
+    /// use pinc_ode::Plant;
+    /// use pinc_plants::OneTank;
+    ///
+    /// let cost = CostExpressions { stage: "p*u + t", terminal: "-h", parameters: &[("p".into(), 2.0)].into() };
+    /// let plant = PlantEquations::traced(OneTank::default()).compile_with_cost(&[], cost)?;
+    /// let mut dx = [0.0; 3];
+    /// plant.rhs(&[4.0, 10.0, 0.0], &[0.5], &[], &mut dx);
+    /// assert_eq!(dx[1..], [1.0, 11.0]);
+    /// # Ok::<(), pinc_expr::ExpressionError>(())
+    /// ```
+    ///
+    /// # Errors
+    ///
+    /// As [`PlantEquations::compile_with`]; the first thing that is wrong with the cost, at the key
+    /// `stage` or `terminal`.
+    pub fn compile_with_cost(
+        &self,
+        varying: &[&str],
+        cost: CostExpressions<'_>,
+    ) -> Result<ExpressionPlant, ExpressionError> {
+        match &self.0 {
+            Source::Text(equations) => equations.compile_with_cost(varying, cost),
+            Source::Rust { plant, constants } => {
+                plant.trace(constants, varying, false, Some(cost))?.compile()
+            }
         }
     }
 
@@ -142,7 +180,9 @@ impl PlantEquations {
     pub fn listing(&self, varying: &[&str]) -> Result<Listing, ExpressionError> {
         match &self.0 {
             Source::Text(equations) => equations.listing(varying),
-            Source::Rust { plant, constants } => plant.trace(constants, varying, true)?.listing(),
+            Source::Rust { plant, constants } => {
+                plant.trace(constants, varying, true, None)?.listing()
+            }
         }
     }
 
@@ -155,7 +195,7 @@ impl PlantEquations {
         match &self.0 {
             Source::Text(equations) => equations.output_listing(varying),
             Source::Rust { plant, constants } => {
-                plant.trace(constants, varying, true)?.output_listing()
+                plant.trace(constants, varying, true, None)?.output_listing()
             }
         }
     }
@@ -169,7 +209,7 @@ impl PlantEquations {
         match &self.0 {
             Source::Text(equations) => equations.critical_terms(),
             Source::Rust { plant, constants } => {
-                plant.trace(constants, &[], false)?.critical_terms()
+                plant.trace(constants, &[], false, None)?.critical_terms()
             }
         }
     }

@@ -90,6 +90,10 @@ impl NmpcBuilder {
             problem.validate(model.dims())?;
         }
         config.validate()?;
+        let exact = stage_cost.as_ref().is_some_and(|cost| cost.leaves_out_hessian());
+        if exact && config.real_time {
+            return Err(MpcError::CurvedInRealTime);
+        }
         let horizon = Horizon::new(models, problem.horizon)?;
         let sqp = Sqp::new(&problem, config, &horizon, stage_cost)?;
         let nmpc = Nmpc::of(problem, horizon, config, sqp);

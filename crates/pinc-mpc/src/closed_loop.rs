@@ -89,6 +89,10 @@ pub struct StepRecord {
     pub kkt: f64,
     /// A hard constraint that could not be met.
     pub violated: Option<Constraint>,
+    /// Whether negative curvature was dropped: see [`StepReport`](crate::StepReport).
+    pub curvature_dropped: bool,
+    /// The cost J of the plan.
+    pub cost: f64,
     /// Whether the model was trusted in the plan's first step.
     pub trust: Trust,
 }
@@ -167,6 +171,16 @@ impl<'a> ClosedLoop<'a> {
         Ok(self)
     }
 
+    /// Gives the controller the inputs of its first plan: see [`Nmpc::set_first_plan`].
+    ///
+    /// # Errors
+    ///
+    /// [`MpcError`] if they are not as many as a plan has, or not finite.
+    pub fn with_first_plan(self, inputs: &[f64]) -> Result<Self, MpcError> {
+        self.nmpc.set_first_plan(inputs)?;
+        Ok(self)
+    }
+
     /// Hides future references from the controller: it takes the present value for all later ones.
     #[must_use]
     pub fn without_preview(self) -> Self {
@@ -220,7 +234,7 @@ impl<'a> ClosedLoop<'a> {
     /// Writes what is followed by the input chosen in step `k`, at the ends of the stages.
     fn write_window(&mut self, k: usize) {
         let delay = self.nmpc.problem().delay;
-        let rows = self.window.chunks_exact_mut(self.reference.outputs());
+        let rows = self.window.chunks_exact_mut(self.reference.outputs().max(1));
         for (row, ahead) in rows.zip(&self.ahead) {
             let later = if self.preview { delay + ahead } else { 0 };
             row.copy_from_slice(self.reference.at(k + later));
@@ -265,6 +279,8 @@ impl<'a> ClosedLoop<'a> {
             work: step.work,
             kkt: step.kkt.max(),
             violated: step.violated,
+            curvature_dropped: step.curvature_dropped,
+            cost: step.cost,
             trust: step.trust,
         });
         let chosen = delay * step.u.len();
@@ -333,6 +349,8 @@ impl<'a> ClosedLoop<'a> {
         let value = |tracked: &Tracked| match *tracked {
             Tracked::State(state) => self.last_step.state(i)[state],
             Tracked::Output(output) => y[output],
+            Tracked::Input(input) if i == 0 => self.acted[1][input],
+            Tracked::Input(input) => self.last_step.input(i)[input],
         };
         tracked.iter().map(value).collect()
     }

@@ -47,7 +47,7 @@ impl Cost {
         }
         let state = |tracked: &Tracked| match tracked {
             Tracked::State(state) => Some(*state),
-            Tracked::Output(_) => None,
+            Tracked::Output(_) | Tracked::Input(_) => None,
         };
         let states: Option<Vec<usize>> = problem.tracked.iter().map(state).collect();
         Self { dims, tracked: states.unwrap_or_default(), q, r, w }

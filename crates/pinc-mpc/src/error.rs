@@ -66,6 +66,9 @@ pub enum MpcError {
         "the models of the horizon differ in their numbers of states, inputs, parameters or outputs"
     )]
     DifferentModels,
+    /// A real-time iteration with a stage cost that leaves its Hessian to the optimization.
+    #[error("a real-time iteration cannot have a stage cost without a Hessian of its own")]
+    CurvedInRealTime,
     /// A method that cannot solve the problem's quadratic programs.
     #[error(transparent)]
     Qp(#[from] QpError),

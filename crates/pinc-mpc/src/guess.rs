@@ -9,6 +9,8 @@ pub(crate) enum Guess {
     Cold,
     /// The inputs are known, and all states equal the first.
     Held,
+    /// All inputs are known, and the states are those to which they lead from the first step's.
+    Given,
     /// Its states are worth starting from. `fallback`: it was also good enough to be followed
     /// without need.
     Warm { fallback: bool },

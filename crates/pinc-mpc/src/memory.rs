@@ -59,6 +59,23 @@ impl<'a> Memory<'a> {
         }
     }
 
+    /// Goes through a number of steps.
+    pub fn step(&mut self, value: &mut u32) {
+        let mut number = [f64::from(*value)];
+        self.numbers(&mut number);
+        #[expect(
+            clippy::cast_possible_truncation,
+            clippy::cast_sign_loss,
+            reason = "the conversion saturates, and what it changes is refused"
+        )]
+        let found = number[0] as u32;
+        if f64::from(found).total_cmp(&number[0]).is_eq() {
+            *value = found;
+        } else {
+            self.refuse();
+        }
+    }
+
     /// Goes through a truth value.
     pub fn flag(&mut self, value: &mut bool) {
         let mut count = usize::from(*value);

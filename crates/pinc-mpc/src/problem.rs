@@ -26,7 +26,7 @@ const LONGEST: usize = 10_000;
 ///      x[k+1]..x[k+N2], u[k]..u[k+Nu-1] and du[k]..du[k+Nu-1] within their bounds
 /// ```
 ///
-/// y are the tracked states and outputs, y\[k+j\] = y(x\[k+j\], u\[k+j-1\]): the readings just before
+/// y are the tracked states, outputs and inputs, y\[k+j\] = y(x\[k+j\], u\[k+j-1\]): the readings just before
 /// the input changes (see [`Model::output`](pinc_ode::Model::output)). Q and R may differ from stage to stage, and so may bounds.
 /// The stage cost l is none unless [`NmpcBuilder::stage_cost`](crate::NmpcBuilder::stage_cost)
 /// gives one. The measured state x\[k\] is a fact and not bounded: it can sit a little outside.
@@ -39,7 +39,8 @@ pub struct NmpcProblem {
     pub horizon: usize,
     /// Nu, the number of free inputs: from 1 to `horizon`.
     pub control_horizon: usize,
-    /// The tracked quantities, in the order of `weights.q` and of the references.
+    /// The tracked quantities, in the order of `weights.q` and of the references; none, if a stage
+    /// cost says it all.
     pub tracked: Vec<Tracked>,
     /// Q, R and what else is weighted.
     pub weights: Weights,
@@ -171,22 +172,29 @@ impl NmpcProblem {
         self.output_bounds.is_some() || self.tracks_outputs()
     }
 
+    /// Whether all that is tracked are states.
+    pub(crate) fn tracks_states_only(&self) -> bool {
+        self.tracked.iter().all(|tracked| matches!(tracked, Tracked::State(_)))
+    }
+
     /// Whether outputs of the model are tracked.
     pub(crate) fn tracks_outputs(&self) -> bool {
         self.tracked.iter().any(|tracked| matches!(tracked, Tracked::Output(_)))
     }
 
-    /// Whether outputs are tracked that may depend on the input as `feedthrough` says.
+    /// Whether something is tracked that may depend on the input: an input, or an output as
+    /// `feedthrough` says.
     pub(crate) fn tracks_feedthrough(&self, feedthrough: &[bool]) -> bool {
         let through = |tracked: &Tracked| match *tracked {
             Tracked::State(_) => false,
             Tracked::Output(output) => feedthrough[output],
+            Tracked::Input(_) => true,
         };
         self.tracked.iter().any(through)
     }
 
     fn validate_tracked(&self, dims: Dims) -> Result<(), MpcError> {
-        check_range("tracked", self.tracked.len(), 1, dims.nx + dims.ny)?;
+        check_range("tracked", self.tracked.len(), 0, dims.nx + dims.ny + dims.nu)?;
         for (i, &tracked) in self.tracked.iter().enumerate() {
             match tracked {
                 Tracked::State(index) => check_range("tracked", index, 0, dims.nx - 1)?,
@@ -194,6 +202,7 @@ impl NmpcProblem {
                     check_range("the model's outputs", dims.ny, 1, usize::MAX)?;
                     check_range("tracked", index, 0, dims.ny - 1)?;
                 }
+                Tracked::Input(index) => check_range("tracked", index, 0, dims.nu - 1)?,
             }
             if self.tracked[..i].contains(&tracked) {
                 return Err(MpcError::TrackedTwice { tracked });

@@ -11,6 +11,7 @@ use std::ops::Range;
 #[derive(Clone, Debug, PartialEq)]
 pub struct Reference {
     outputs: usize,
+    steps: usize,
     values: Vec<f64>,
 }
 
@@ -36,7 +37,13 @@ impl Reference {
             });
         }
         check_numbers("reference", &values, "finite", f64::is_finite)?;
-        Ok(Self { outputs, values })
+        Ok(Self { outputs, steps: values.len() / outputs, values })
+    }
+
+    /// The reference of nothing, where a controller tracks nothing, for so many steps.
+    #[must_use]
+    pub fn none(steps: usize) -> Self {
+        Self { outputs: 0, steps, values: Vec::new() }
     }
 
     /// The values of `signal` at the beginning of each of `steps` steps of `sample_time_s` seconds.
@@ -59,7 +66,7 @@ impl Reference {
     /// How many steps there are.
     #[must_use]
     pub fn steps(&self) -> usize {
-        self.values.len() / self.outputs
+        self.steps
     }
 
     /// How many quantities are tracked.
@@ -92,7 +99,7 @@ impl Reference {
     ///
     /// `window`: `[rows, outputs]`, row by row.
     pub fn preview(&self, k: usize, window: &mut [f64]) {
-        for (i, row) in window.chunks_exact_mut(self.outputs).enumerate() {
+        for (i, row) in window.chunks_exact_mut(self.outputs.max(1)).enumerate() {
             row.copy_from_slice(self.at(k + i));
         }
     }
@@ -104,7 +111,7 @@ impl Reference {
     ///
     /// `window`: `[stages, outputs]`, row by row.
     pub fn preview_at(&self, k: usize, ends_s: &[f64], window: &mut [f64]) {
-        for (row, end) in window.chunks_exact_mut(self.outputs).zip(ends_s) {
+        for (row, end) in window.chunks_exact_mut(self.outputs.max(1)).zip(ends_s) {
             row.copy_from_slice(self.at(k + steps_until(*end, ends_s[0]) - 1));
         }
     }

@@ -3,6 +3,7 @@
 use crate::constraint::Constraint;
 use crate::guard::Trust;
 use crate::kkt::KktResidual;
+use crate::sqp::Outcome;
 use crate::{SqpStatus, StepWork};
 
 /// The result of a control step.
@@ -25,6 +26,12 @@ pub struct StepReport<'a> {
     /// Whether `u` is of the plan that the optimization ended with; otherwise it is the next one of
     /// the last plan.
     pub followed: bool,
+    /// Whether negative curvature was dropped at the plan: it then meets the first-order conditions
+    /// at best, and is not known to be a minimum. Steps that keep active bounds active count, and
+    /// other constraints do not. Only with a stage cost that leaves its Hessian to the optimization.
+    pub curvature_dropped: bool,
+    /// The cost J of the plan that `kkt` is of; NaN if there is none.
+    pub cost: f64,
     /// Whether the model was trusted in the plan's first step. Of a step that was made over by a
     /// substitute all else is the substitute's.
     pub trust: Trust,
@@ -38,12 +45,57 @@ pub(crate) struct Planned {
     pub(crate) kkt: KktResidual,
     pub(crate) violated: Option<Constraint>,
     pub(crate) followed: bool,
+    pub(crate) curvature_dropped: bool,
+    pub(crate) cost: f64,
     pub(crate) trust: Trust,
 }
 
 impl Planned {
+    /// A step that was optimized, not yet judged.
+    pub(crate) fn of(outcome: &Outcome, status: SqpStatus, followed: bool, work: StepWork) -> Self {
+        let Outcome { iterations, last, violated, curvature_dropped, cost, .. } = *outcome;
+        Self {
+            status,
+            sqp_iterations: iterations,
+            work,
+            kkt: last,
+            violated,
+            followed,
+            curvature_dropped,
+            cost,
+            trust: Trust::NotJudged,
+        }
+    }
+
+    /// A step without a state, in which the last input is held.
+    pub(crate) fn held(work: StepWork) -> Self {
+        Self {
+            status: SqpStatus::BadArgument,
+            sqp_iterations: 0,
+            work,
+            kkt: KktResidual::unknown(),
+            violated: None,
+            followed: false,
+            curvature_dropped: false,
+            cost: f64::NAN,
+            trust: Trust::NotJudged,
+        }
+    }
+
     pub(crate) fn report(self, u: &[f64]) -> StepReport<'_> {
-        let Self { status, sqp_iterations, work, kkt, violated, followed, trust } = self;
-        StepReport { u, status, sqp_iterations, work, kkt, violated, followed, trust }
+        let Self { status, sqp_iterations, work, kkt, violated, followed, .. } = self;
+        let Self { curvature_dropped, cost, trust, .. } = self;
+        StepReport {
+            u,
+            status,
+            sqp_iterations,
+            work,
+            kkt,
+            violated,
+            followed,
+            curvature_dropped,
+            cost,
+            trust,
+        }
     }
 }

@@ -8,6 +8,8 @@ use std::fmt::Debug;
 pub struct StagePoint<'a> {
     /// j of x\[k+j\] and u\[k+j\], from 0, the measured state, to N2.
     pub stage: usize,
+    /// The time of the stage in s, counted from the controller's first step.
+    pub time_s: f64,
     /// x\[k+j\], `n`.
     pub x: &'a [f64],
     /// u\[k+min(j, Nu-1)\], `m`.
@@ -88,4 +90,37 @@ pub trait StageCost: Debug + Send {
     /// Writes the cost of a stage, its gradient and its Hessian or a positive semidefinite matrix
     /// in its place. `out` is all 0 on entry. Nothing may be allocated if a control step is not to.
     fn quadratize(&mut self, at: StagePoint<'_>, out: &mut QuadBlock);
+
+    /// Whether `quadratize` writes value and gradient only. The optimization then takes the exact
+    /// Hessian of the Lagrangian in place of the Gauss-Newton Hessian: second derivatives of the
+    /// cost and of the model by differences of their exact gradients. Where this Hessian is not
+    /// positive definite on the dynamics, negative curvature by inputs is replaced by its absolute
+    /// value, stage by stage, and [`StepReport::curvature_dropped`](crate::StepReport) says so.
+    /// Real-time iterations cannot have such a cost.
+    fn leaves_out_hessian(&self) -> bool {
+        false
+    }
+
+    /// Writes the gradients at some points of a stage, of which the optimization takes differences:
+    /// one after the other, if a cost has no faster way. `block` is scratch.
+    ///
+    /// # Shapes
+    ///
+    /// `at.x`, `by_x`: `[points, n]`; `at.u`, `by_u`: `[points, m]`.
+    fn gradients(
+        &mut self,
+        at: StagePoint<'_>,
+        block: &mut QuadBlock,
+        [by_x, by_u]: [&mut [f64]; 2],
+    ) {
+        let (n, m) = (block.by_x.len(), block.by_u.len());
+        let points = at.x.chunks_exact(n).zip(at.u.chunks_exact(m));
+        let gradients = by_x.chunks_exact_mut(n).zip(by_u.chunks_exact_mut(m));
+        for ((x, u), (by_x, by_u)) in points.zip(gradients) {
+            block.clear();
+            self.quadratize(StagePoint { x, u, ..at }, block);
+            by_x.copy_from_slice(&block.by_x);
+            by_u.copy_from_slice(&block.by_u);
+        }
+    }
 }

@@ -1,7 +1,7 @@
 //! The parts of the cost whose Hessian depends on the plan.
 
 use crate::cost::{Cost, Targets};
-use crate::outputs::{OutputPoints, Outputs};
+use crate::outputs::Outputs;
 use crate::stage_cost::{QuadBlock, StageCost, StagePoint};
 use crate::{NmpcProblem, Tracked};
 use pinc_qp::{OcpDims, Qp};
@@ -17,9 +17,13 @@ use pinc_qp::{OcpDims, Qp};
 #[derive(Debug)]
 pub(crate) struct StageTerms {
     dims: OcpDims,
-    /// What is tracked, if outputs are.
+    /// What is tracked, if these are not all states.
     tracked: Vec<Tracked>,
     cost: Option<Box<dyn StageCost>>,
+    /// Seconds from the first stage to each.
+    times: Vec<f64>,
+    /// The time of the first stage in s.
+    now_s: f64,
     block: QuadBlock,
     /// The Hessian of what is constant.
     q: Vec<f64>,
@@ -37,16 +41,19 @@ impl StageTerms {
         dims: OcpDims,
         constant: Vec<f64>,
         cost: Option<Box<dyn StageCost>>,
+        times: &[f64],
     ) -> Option<Self> {
-        let outputs = problem.tracks_outputs();
-        if !outputs && cost.is_none() {
+        let states = problem.tracks_states_only();
+        if states && cost.is_none() {
             return None;
         }
-        let tracked = if outputs { problem.tracked.clone() } else { Vec::new() };
+        let tracked = if states { Vec::new() } else { problem.tracked.clone() };
         let width = tracked.len() * (dims.nx + dims.nu);
         Some(Self {
             dims,
             cost,
+            times: times.to_vec(),
+            now_s: 0.0,
             block: QuadBlock::new(dims.nx, dims.nu),
             q: constant,
             jacobian: vec![0.0; width],
@@ -54,6 +61,33 @@ impl StageTerms {
             error: vec![0.0; tracked.len()],
             tracked,
         })
+    }
+
+    /// Whether the cost says no Hessian.
+    pub(crate) fn leaves_out_hessian(&self) -> bool {
+        self.cost.as_ref().is_some_and(|cost| cost.leaves_out_hessian())
+    }
+
+    /// Sets the time of the first stage.
+    pub(crate) fn set_time(&mut self, now_s: f64) {
+        self.now_s = now_s;
+    }
+
+    /// The time of a stage in s.
+    pub(crate) fn time_s(&self, stage: usize) -> f64 {
+        self.now_s + self.times[stage]
+    }
+
+    /// Writes the gradients of the stage cost at some points: see [`StageCost::gradients`].
+    pub(crate) fn gradients(
+        &mut self,
+        at: StagePoint<'_>,
+        block: &mut QuadBlock,
+        gradients: [&mut [f64]; 2],
+    ) {
+        if let Some(cost) = &mut self.cost {
+            cost.gradients(at, block, gradients);
+        }
     }
 
     /// Writes Q, S, E and T, adds to the gradient, and gives the value.
@@ -76,18 +110,17 @@ impl StageTerms {
             if let Some(own) = &mut self.cost {
                 let acting = self.dims.acting(stage);
                 let u = &z[self.dims.input(acting)];
+                let time_s = self.now_s + self.times[stage];
                 self.block.clear();
-                own.quadratize(StagePoint { stage, x, u, p }, &mut self.block);
+                own.quadratize(StagePoint { stage, time_s, x, u, p }, &mut self.block);
                 value += self.block.value;
                 self.add_block(stage, acting, qp);
                 self.add_cross(stage, &mut qp.s);
             }
-            if let Some(outputs) = outputs
-                && stage >= self.dims.n1
-                && !self.tracked.is_empty()
-            {
+            if stage >= self.dims.n1 && !self.tracked.is_empty() {
+                let u = &z[self.dims.input(self.dims.acting(stage - 1))];
                 self.block.clear();
-                self.track(cost.tracking_weight(stage), outputs.ends(), stage, x, targets);
+                self.track(cost.tracking_weight(stage), outputs, stage, [x, u], targets);
                 value += self.block.value;
                 self.add_block(stage, self.dims.acting(stage - 1), qp);
                 // Without feedthrough there are no products with inputs.
@@ -103,9 +136,9 @@ impl StageTerms {
     fn track(
         &mut self,
         q: &[f64],
-        outputs: &OutputPoints,
+        outputs: Option<&Outputs>,
         j: usize,
-        x: &[f64],
+        [x, u]: [&[f64]; 2],
         targets: Targets<'_>,
     ) {
         let OcpDims { nx, nu, .. } = self.dims;
@@ -114,18 +147,25 @@ impl StageTerms {
         for (i, (tracked, row)) in
             self.tracked.iter().zip(self.jacobian.chunks_exact_mut(width)).enumerate()
         {
-            let y = match *tracked {
-                Tracked::State(state) => {
-                    row.fill(0.0);
+            row.fill(0.0);
+            let y = match (*tracked, outputs) {
+                (Tracked::State(state), _) => {
                     row[state] = 1.0;
                     x[state]
                 }
-                Tracked::Output(output) => {
-                    let [c, d] = outputs.rows(j, output);
+                (Tracked::Input(input), _) => {
+                    row[nx + input] = 1.0;
+                    u[input]
+                }
+                (Tracked::Output(output), Some(outputs)) => {
+                    let points = outputs.ends();
+                    let [c, d] = points.rows(j, output);
                     row[..nx].copy_from_slice(c);
                     row[nx..].copy_from_slice(d);
-                    outputs.y(j)[output]
+                    points.y(j)[output]
                 }
+                // Tracked outputs are evaluated: `NmpcProblem::uses_outputs`.
+                (Tracked::Output(_), None) => f64::NAN,
             };
             self.error[i] = y - reference[i];
         }

@@ -10,6 +10,8 @@ pub enum Tracked {
     State(usize),
     /// An output of the model, y = h(x, u, p), by its index.
     Output(usize),
+    /// An input, by its index: the input of the interval that leads to a stage.
+    Input(usize),
 }
 
 impl Tracked {
@@ -31,6 +33,7 @@ impl fmt::Display for Tracked {
         match self {
             Self::State(index) => write!(f, "state {index}"),
             Self::Output(index) => write!(f, "output {index}"),
+            Self::Input(index) => write!(f, "input {index}"),
         }
     }
 }

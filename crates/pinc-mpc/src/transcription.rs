@@ -3,6 +3,7 @@
 use crate::constraint::Constraint;
 use crate::constraints::ConstraintWork;
 use crate::cost::{Cost, Targets};
+use crate::curvature::{At, Curvature};
 use crate::horizon::Horizon;
 use crate::linearization_cache::LinearizationCache;
 use crate::outputs::{OutputRows, Outputs};
@@ -20,6 +21,8 @@ pub(crate) struct Transcription {
     dims: OcpDims,
     cost: Cost,
     terms: Option<StageTerms>,
+    /// The exact Hessian, where a stage cost leaves it out.
+    curvature: Option<Curvature>,
     /// Bounds on z.
     bounds: Bounds,
     /// Bounds on all increments.
@@ -53,9 +56,13 @@ impl Transcription {
         let cost = Cost::new(problem, dims);
         let outputs = model.ny * dims.constrained().len();
         let output_bounds = problem.output_bounds.as_ref();
+        let constant = cost.state_hessians();
+        let terms = StageTerms::new(problem, dims, constant, stage_cost, horizon.times());
+        let exact = terms.as_ref().is_some_and(StageTerms::leaves_out_hessian);
         let mut transcription = Self {
             dims,
-            terms: StageTerms::new(problem, dims, cost.state_hessians(), stage_cost),
+            curvature: exact.then(|| Curvature::new(dims, horizon)),
+            terms,
             plain: Qp::new(dims, cost.state_hessians(), cost.increment_hessians()),
             cost,
             bounds: states.chain(inputs),
@@ -131,7 +138,39 @@ impl Transcription {
 
     /// At how many stages the model has been linearized since this was last asked.
     pub(crate) fn take_linearized(&mut self) -> usize {
-        std::mem::take(&mut self.cache.evaluated)
+        let of_curvature = self.curvature.as_mut().map(|of| std::mem::take(&mut of.evaluated));
+        std::mem::take(&mut self.cache.evaluated) + of_curvature.unwrap_or(0)
+    }
+
+    /// Sets the time of the first stage in s.
+    pub(crate) fn set_time(&mut self, now_s: f64) {
+        if let Some(terms) = &mut self.terms {
+            terms.set_time(now_s);
+        }
+    }
+
+    /// Whether the program's Hessian is to be the exact one.
+    pub(crate) fn is_exact(&self) -> bool {
+        self.curvature.is_some()
+    }
+
+    /// Adds the exact Hessian's part of model and stage cost at `plan` to `qp`, which was measured
+    /// there, and makes it convex: see [`Curvature::add`].
+    #[inline(never)]
+    pub(crate) fn curve(
+        &mut self,
+        horizon: &mut Horizon,
+        x0: &[f64],
+        plan: &Solution,
+        qp: &mut Qp,
+        judges: bool,
+        expired: &mut dyn FnMut() -> bool,
+    ) -> Option<bool> {
+        let (Some(curvature), Some(terms)) = (&mut self.curvature, &mut self.terms) else {
+            return Some(false);
+        };
+        let at = At { x0, plan, p: self.cache.parameters(), units: &self.units };
+        curvature.add(horizon, terms, &at, qp, judges, expired)
     }
 
     /// Moves the plan's inputs into their bounds and into the bounds of their increments. From
@@ -195,9 +234,29 @@ impl Transcription {
         true
     }
 
+    /// Chooses the unit of a cost that has no weights by its slope at the first plan `z`, which `qp`
+    /// is measured at; whether it changed.
+    #[inline(never)]
+    pub(crate) fn choose_cost(
+        &mut self,
+        [x0, z]: [&[f64]; 2],
+        targets: Targets<'_>,
+        qp: &mut Qp,
+    ) -> bool {
+        if !self.is_exact() || !self.units.wants_slope() {
+            return false;
+        }
+        self.measure(x0, z, targets, qp);
+        self.units.set_slope(&qp.gradient);
+        let before = self.units.plain_cost(1.0).to_bits();
+        self.units.choose_cost(&self.plain.q, &self.plain.r);
+        before != self.units.plain_cost(1.0).to_bits()
+    }
+
     /// Forgets where the model was linearized.
     pub(crate) fn forget(&mut self) {
         self.cache.forget();
+        self.units.forget_slope();
     }
 
     /// Writes the cost's derivatives at `z` and the distances to the bounds into `qp`, and returns

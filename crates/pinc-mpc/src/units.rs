@@ -30,6 +30,8 @@ pub(crate) struct Units {
     /// The units of the rows of a stage.
     rows: Vec<f64>,
     cost: f64,
+    /// The largest slope of a cost without weights, by states and inputs in their units, once known.
+    slope: Option<f64>,
     /// Whether all are 1.
     identity: bool,
     /// Which states are tracked, by their place in the reference.
@@ -74,6 +76,7 @@ impl Units {
             dims,
             rows,
             cost: 1.0,
+            slope: None,
             identity: false,
             tracked: (0..dims.nx).map(place).collect(),
             outputs: problem.tracked.len(),
@@ -112,9 +115,26 @@ impl Units {
                 }
             }
         }
-        self.cost = unit(if most > 0.0 { (least * most).sqrt() } else { 1.0 }, ORDINARY_WEIGHT);
+        let size = if most > 0.0 { (least * most).sqrt() } else { self.slope.unwrap_or(1.0) };
+        self.cost = unit(size, ORDINARY_WEIGHT);
         let mut all = self.x.iter().chain(&self.u).chain(&self.rows).chain([&self.cost]);
         self.identity = all.all(|unit| unit.to_bits() == 1.0_f64.to_bits());
+    }
+
+    /// Whether the slope of the cost is still to be measured.
+    pub(crate) fn wants_slope(&self) -> bool {
+        self.slope.is_none()
+    }
+
+    /// Sets the slope of the cost by a gradient in these units.
+    pub(crate) fn set_slope(&mut self, gradient: &[f64]) {
+        let slope = gradient.iter().fold(0.0_f64, |most, g| most.max(g.abs()));
+        self.slope = Some(if slope.is_finite() { self.cost * slope } else { 0.0 });
+    }
+
+    /// Forgets the slope of the cost.
+    pub(crate) fn forget_slope(&mut self) {
+        self.slope = None;
     }
 
     /// Makes the units fit a state and what it is to follow; whether they changed.
@@ -142,6 +162,29 @@ impl Units {
             None => self.x[v % self.x.len()],
             Some(v) => self.u[v % self.u.len()],
         }
+    }
+
+    /// The unit of a number of a stage's (x, u).
+    pub(crate) fn of_stage(&self, i: usize) -> f64 {
+        match i.checked_sub(self.x.len()) {
+            None => self.x[i],
+            Some(input) => self.u[input],
+        }
+    }
+
+    /// What a second derivative of the cost by two numbers of a stage's (x, u) is multiplied by.
+    pub(crate) fn second_derivative(&self, i: usize, k: usize) -> f64 {
+        self.of_stage(i) * self.of_stage(k) / self.cost
+    }
+
+    /// A cost in the plant's units.
+    pub(crate) fn plain_cost(&self, cost: f64) -> f64 {
+        cost * self.cost
+    }
+
+    /// A multiplier of the dynamics of state `i` in the plant's units.
+    pub(crate) fn plain_multiplier(&self, i: usize, multiplier: f64) -> f64 {
+        multiplier * (self.cost / self.x[i])
     }
 
     /// Scales the model's linearization and the rows in `qp`.

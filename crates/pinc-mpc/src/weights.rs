@@ -133,6 +133,13 @@ pub enum Weight {
     Full(Vec<Vec<f64>>),
 }
 
+/// The weight of nothing: a matrix without rows.
+impl Default for Weight {
+    fn default() -> Self {
+        Self::Diagonal(Vec::new())
+    }
+}
+
 impl From<Vec<f64>> for Weight {
     fn from(diagonal: Vec<f64>) -> Self {
         Self::Diagonal(diagonal)

@@ -30,6 +30,7 @@ mod output;
 mod piecewise_constant;
 mod plant;
 mod points;
+mod quadrature;
 mod runge_kutta;
 mod seulex;
 mod simulator;
@@ -49,6 +50,7 @@ pub use loaded::Loaded;
 pub use model::{Dims, Linearization, LinearizationBuffer, Model, OutputLinearization, Stages};
 pub use piecewise_constant::PiecewiseConstant;
 pub use plant::{Over, Plant};
+pub use quadrature::Quadrature;
 pub use runge_kutta::{Classical, DormandPrince, Method, Rk4, Rk5, RungeKutta};
 pub use simulator::Simulator;
 pub use sparse::{

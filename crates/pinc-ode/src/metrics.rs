@@ -42,7 +42,8 @@ impl Tracking {
     /// The IAE of the paper's Table 1: absolute errors summed over samples and outputs.
     #[must_use]
     pub fn iae_sum(&self) -> f64 {
-        self.absolute.iter().sum()
+        // The empty sum is -0.
+        0.0 + self.absolute.iter().sum::<f64>()
     }
 
     /// The paper's RMSE: the root of the mean square over samples, averaged over outputs. NaN

@@ -42,6 +42,10 @@ pub(crate) struct ControlStep {
     sqp_iterations: usize,
     /// The KKT residual that the optimization ended with.
     kkt: f64,
+    /// The plan's cost with `control.cost`, or None.
+    cost: Option<f64>,
+    /// Whether negative curvature was dropped.
+    curvature_dropped: bool,
     /// How long the step took, in us.
     step_us: f64,
     /// Whether the net was trusted in the plan's first step, or None without a tolerance.
@@ -134,6 +138,8 @@ impl Nmpc {
             estimator: step.estimator.map(|status| status.to_string()),
             sqp_iterations: step.sqp_iterations,
             kkt: step.kkt,
+            cost: step.cost,
+            curvature_dropped: step.curvature_dropped,
             step_us: step.step_us,
             trust: (!step.model_error.is_empty()).then(|| step.trust.to_string()),
             model_error: vector(step.model_error)?,

@@ -49,9 +49,9 @@ pub use identification::{
     ParameterMetrics, ResidualMetrics, StartMetrics, WorkMetrics,
 };
 pub use metrics::{
-    ControlMetrics, EstimatorMetrics, Excess, FileNote, Metrics, ModelErrorMetrics, OneStepMetrics,
-    OutsideDomain, PredictionMetrics, ReferenceMetrics, StepErrors, SweepMetrics, TrainingMetrics,
-    ValidationMetrics, is_failure,
+    ControlMetrics, CostMetrics, EstimatorMetrics, Excess, FileNote, Metrics, ModelErrorMetrics,
+    OneStepMetrics, OutsideDomain, PredictionMetrics, ReferenceMetrics, StepErrors, SweepMetrics,
+    TrainingMetrics, ValidationMetrics, is_failure,
 };
 pub use provenance::{Invocation, Provenance};
 pub use run_dir::RunDir;

@@ -49,6 +49,15 @@ enum LoopFinding {
         /// A model of the same run with which this reference was reached.
         reached_with: Option<ModelKind>,
     },
+    /// Plans may be no minima.
+    CurvatureDropped {
+        /// The model in the controller.
+        model: ModelKind,
+        /// In how many steps.
+        dropped: usize,
+        /// The number of steps.
+        steps: usize,
+    },
     /// The estimator is not what it takes itself for.
     Estimator {
         /// The model in the controller.
@@ -88,6 +97,13 @@ impl Metrics {
                 failed: of.failed_steps(),
                 steps: of.steps(),
                 status: most.map(|(status, _)| status.clone()).unwrap_or_default(),
+            });
+        }
+        if let Some(cost) = of.cost.as_ref().filter(|cost| cost.curvature_dropped > 0) {
+            findings.push(LoopFinding::CurvatureDropped {
+                model: of.model,
+                dropped: cost.curvature_dropped,
+                steps: of.steps(),
             });
         }
         let broken = of.violations.iter().filter(|violation| violation.is_noteworthy());
@@ -186,6 +202,11 @@ impl LoopFinding {
                 };
                 format!("With {} {quantity} does not reach {which}", model.title())
             }
+            Self::CurvatureDropped { model, dropped, steps } => format!(
+                "With {} negative curvature of the cost was dropped in {dropped} of {steps} control \
+                 steps.",
+                model.title()
+            ),
             Self::Estimator { model, finding } => format!("With {} {finding}", model.title()),
         }
     }
@@ -213,6 +234,11 @@ impl LoopFinding {
                 "Either no input within the bounds holds it (`pinc check` says which references \
                  are steady states), or the time was too short, or the plant in the loop \
                  differs from the model's plant."
+                    .to_owned()
+            }
+            Self::CurvatureDropped { .. } => {
+                "Their plans meet the first-order conditions, but are not proven to be minima: \
+                 weight moves of the inputs a little (r)."
                     .to_owned()
             }
             Self::Estimator { finding, .. } => finding.advice().to_owned(),

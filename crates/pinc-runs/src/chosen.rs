@@ -6,6 +6,7 @@ use pinc_config::{ControlSpec, Experiment, LoopParameters, ModelKind};
 use pinc_net::PincNet;
 use pinc_ode::DynPlant;
 use pinc_record::read_file;
+use std::borrow::Cow;
 use std::path::Path;
 
 /// A trained net for a controller.
@@ -34,6 +35,7 @@ pub(super) struct Chosen<'e> {
     /// The places of those that are measured, in the order of the config.
     pub(super) measured: Vec<usize>,
     truth: Box<dyn DynPlant>,
+    experiment: Cow<'e, Experiment>,
 }
 
 impl<'e> Chosen<'e> {
@@ -80,8 +82,12 @@ impl<'e> Chosen<'e> {
         let LoopParameters { names, values, estimated } = experiment.loop_parameters();
         let place = |name: &String| names.iter().position(|known| known == name);
         let measured: Vec<_> = experiment.measured_parameters().iter().filter_map(place).collect();
+        let mut told = Cow::Borrowed(experiment);
         let (given, names, parameters) = match given {
             Some((bytes, net)) if estimated.is_empty() && measured.is_empty() => {
+                let own =
+                    names.iter().zip(&values).map(|(name, value)| ((*name).to_owned(), *value));
+                told = Cow::Owned(experiment.with_parameters(&own.collect()));
                 (Some((bytes, net.member(&values))), Vec::new(), Vec::new())
             }
             given => (given, names, values),
@@ -103,12 +109,18 @@ impl<'e> Chosen<'e> {
             estimated,
             measured,
             truth,
+            experiment: told,
         })
     }
 
     /// The net, where that is the model.
     pub(super) fn net(&self) -> Option<&PincNet> {
         self.given.as_ref().map(|(_, net)| net)
+    }
+
+    /// The names of the model's parameters.
+    fn varying(&self) -> Vec<&str> {
+        self.parameter_names.iter().map(String::as_str).collect()
     }
 
     /// What a closed loop with it works from.
@@ -121,6 +133,7 @@ impl<'e> Chosen<'e> {
             seed: 0,
             parameters: &self.parameters,
             estimated: &self.estimated,
+            costed: self.experiment.costed_plant(&self.varying()),
             truth: &*self.truth,
             schedules: Schedules::default(),
         }

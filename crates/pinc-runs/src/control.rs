@@ -15,8 +15,8 @@ use pinc_ode::{
     Dims, DynPlant, DynRhs, Integrator, PiecewiseConstant, Scheme, Simulator, Trajectory,
 };
 use pinc_record::{
-    ControlColumns, ControlMetrics, Metrics, ReferenceMetrics, RunDir, StepTimes, ViolationMetrics,
-    WallTimes, file,
+    ControlColumns, ControlMetrics, CostMetrics, Metrics, ReferenceMetrics, RunDir, StepTimes,
+    ViolationMetrics, WallTimes, file,
 };
 use std::cell::Cell;
 use std::collections::BTreeMap;
@@ -45,6 +45,8 @@ pub struct LoopSetup<'a> {
     pub(crate) parameters: &'a [f64],
     /// The places of those.
     pub(crate) estimated: &'a [usize],
+    /// The plant that the models are of with the cost of `[control.cost]` beside it, if there is one.
+    pub(crate) costed: Option<Box<dyn DynPlant>>,
     /// The plant in the loop at first.
     pub(crate) truth: &'a dyn DynRhs,
     /// How the parameters of models and the plant change.
@@ -194,7 +196,7 @@ pub fn verdict(experiment: &Experiment, metrics: &Metrics) -> Result<(), RunErro
 /// RK4.
 pub(super) fn rehearse(
     (plant, metered): (&dyn DynPlant, &Metered),
-    spec: &ControlSpec,
+    (spec, costed): (&ControlSpec, Option<Box<dyn DynPlant>>),
     sample_time_s: f64,
     work: &Work,
 ) -> Result<Rehearsal, RunError> {
@@ -203,7 +205,7 @@ pub(super) fn rehearse(
     let kind = integrator.copied().unwrap_or(other);
     let spec = ControlSpec { estimator: None, ..spec.clone() };
     let numerical = LoopSetup::numerical(&spec, sample_time_s, plant);
-    let setup = LoopSetup { truth: metered, ..numerical };
+    let setup = LoopSetup { truth: metered, costed, ..numerical };
     let mut nmpc = setup.controller(kind, plant)?;
     let mut run = setup.begin(&mut nmpc)?;
     let (mut trace, mut status) = (Trajectory::new(plant.dims()), BTreeMap::new());
@@ -283,6 +285,7 @@ impl<'a> LoopSetup<'a> {
             seed: 0,
             parameters: &[],
             estimated: &[],
+            costed: None,
             truth: plant,
             schedules: Schedules::default(),
         }
@@ -314,10 +317,13 @@ impl LoopSetup<'_> {
     /// What is followed, step by step.
     pub(super) fn reference(&self) -> Result<Reference, RunError> {
         let references = &self.spec.references;
+        let steps = pinc_config::steps(self.spec.duration_s, self.sample_time_s);
+        if self.spec.controlled.is_empty() {
+            return Ok(Reference::none(steps));
+        }
         let starts = references.iter().map(|step| step.start_s).collect();
         let values = references.iter().map(|step| step.value.clone()).collect();
         let signal = PiecewiseConstant::new(starts, values)?;
-        let steps = pinc_config::steps(self.spec.duration_s, self.sample_time_s);
         Ok(Reference::sample(&signal, steps, self.sample_time_s)?)
     }
 
@@ -331,8 +337,12 @@ impl LoopSetup<'_> {
         let truth = Simulator::new(self.truth, spec.plant_tolerance);
         let run = ClosedLoop::new(nmpc, truth, reference, &spec.initial_state)?;
         let run = if spec.preview { run } else { run.without_preview() };
-        Ok(match &spec.initial_input {
+        let run = match &spec.initial_input {
             Some(input) => run.with_initial_input(input)?,
+            None => run,
+        };
+        Ok(match self.first_plan()? {
+            Some(inputs) => run.with_first_plan(&inputs)?,
             None => run,
         })
     }
@@ -505,6 +515,10 @@ fn measured(
         max_violation: run.max_violation(),
         max_violation_of: largest.cloned(),
         violations,
+        cost: setup.spec.cost.as_ref().and(totals.first_cost).map(|first_plan| CostMetrics {
+            first_plan,
+            curvature_dropped: totals.curvature_dropped,
+        }),
         status: totals.status,
         references: setup.reached(run),
         outside_domain: None,

@@ -107,6 +107,14 @@ pub fn export_controller(
                        control.stages_s, or use `pinc serve`";
         return Err(RunError::usage(&experiment.name, problem));
     }
+    if chosen.spec.first_plan.is_some() {
+        let instead = "a config without it, or `pinc serve`";
+        return Err(ExportError::Feature { feature: "control.first_plan", instead }.into());
+    }
+    if chosen.spec.cost.is_some() {
+        let instead = "q and r alone, or `pinc serve`";
+        return Err(ExportError::Feature { feature: "control.cost", instead }.into());
+    }
     if chosen.net().is_some() && !chosen.spec.error_tolerance.is_empty() {
         return Err(ExportError::Feature {
             feature: "control.error_tolerance",

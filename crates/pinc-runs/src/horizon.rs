@@ -5,9 +5,9 @@ use super::model_error::{ErrorJudge, SharedLog, correction};
 use crate::RunError;
 use pinc_config::{ModelKind, OnError, Variables};
 use pinc_estimate::{Augmentation, Compensated};
-use pinc_mpc::{Nmpc, NmpcBuilder, NmpcProblem};
+use pinc_mpc::{IntegratedCost, Nmpc, NmpcBuilder, NmpcProblem};
 use pinc_net::PincModel;
-use pinc_ode::{DynPlant, FlowModel, Integrator, Model, WithOutputs};
+use pinc_ode::{DynPlant, FlowModel, Integrator, Model, Quadrature, WithOutputs};
 
 impl LoopSetup<'_> {
     /// The model of a control step.
@@ -107,14 +107,44 @@ impl LoopSetup<'_> {
         inner: Option<&Augmentation>,
         outer: Option<&Augmentation>,
     ) -> Result<NmpcBuilder, RunError> {
-        let mut builder = Nmpc::builder(problem).config(self.spec.sqp);
-        for (length_s, count) in self.spec.stages(self.sample_time_s) {
-            let mut model = self.model_for(kind, plant, length_s)?;
+        let compensated = |mut model: Box<dyn Model>| -> Result<Box<dyn Model>, RunError> {
             for augmentation in [inner, outer].into_iter().flatten() {
                 model = Box::new(Compensated::new(model, augmentation.clone())?);
             }
+            Ok(model)
+        };
+        let (mut builder, mut costs) = (Nmpc::builder(problem).config(self.spec.sqp), Vec::new());
+        for (length_s, count) in self.spec.stages(self.sample_time_s) {
+            let model = compensated(self.model_for(kind, plant, length_s)?)?;
             builder = builder.stages(model, count);
+            if let Some(costed) = &self.costed {
+                let model = compensated(self.cost_for(kind, plant, &**costed, length_s)?)?;
+                costs.push((model, count));
+            }
+        }
+        if !costs.is_empty() {
+            builder = builder.stage_cost(Box::new(IntegratedCost::new(costs)));
         }
         Ok(builder)
+    }
+
+    /// The model of a stage of `length_s` with the time and the cost as states: the integrator does
+    /// both, and along other models the cost is a quadrature.
+    fn cost_for(
+        &self,
+        kind: ModelKind,
+        plant: &dyn DynPlant,
+        costed: &dyn DynPlant,
+        length_s: f64,
+    ) -> Result<Box<dyn Model>, RunError> {
+        if let ModelKind::Integrator(integrator) = kind {
+            let substeps = self.spec.substeps(integrator, length_s, self.sample_time_s);
+            return Ok(costed.model(integrator, length_s, substeps)?);
+        }
+        let rate = costed.model(Integrator::Rk4, length_s, 1)?;
+        let [first, middle, last] = Quadrature::nodes().map(|part| part * length_s);
+        let model = |length_s| self.model_for(kind, plant, length_s);
+        let nodes = [model(first)?, model(middle)?, model(last)?];
+        Ok(Box::new(Quadrature::new(model(length_s)?, nodes, rate)))
     }
 }

@@ -27,6 +27,7 @@ mod error;
 mod estimate;
 mod export;
 mod feedback;
+mod first_plan;
 mod found;
 mod free_run;
 mod guard;
@@ -396,6 +397,7 @@ impl Stages<'_> {
                 seed: experiment.seed,
                 parameters: &values,
                 estimated: &estimated,
+                costed: experiment.costed_plant(&names),
                 truth: &*first.plant,
                 schedules,
             };

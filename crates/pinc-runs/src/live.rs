@@ -35,6 +35,7 @@ pub struct LiveController {
     /// What is followed if a step does not say it.
     reference: Reference,
     window: Vec<f64>,
+    first_plan: Option<Vec<f64>>,
     /// The state that the controller took the plant to be in, and the input that it chose.
     x: Vec<f64>,
     u: Vec<f64>,
@@ -88,6 +89,10 @@ pub struct LiveStep<'a> {
     pub sqp_iterations: usize,
     /// The KKT residual that the optimization ended with.
     pub kkt: f64,
+    /// The cost of the plan, with `control.cost`.
+    pub cost: Option<f64>,
+    /// Whether negative curvature was dropped, so that the plan is not proven to be a minimum.
+    pub curvature_dropped: bool,
     /// How long the step took, in us.
     pub step_us: f64,
     /// Whether the net was trusted in the plan's first step.
@@ -126,6 +131,7 @@ impl LiveController {
             kind: chosen.kind,
             model_sha256: chosen.given.as_ref().map(|(bytes, _)| sha256(bytes)),
             reference: setup.reference()?,
+            first_plan: setup.first_plan()?,
             window: vec![0.0; spec.n2 * spec.controlled.len()],
             x: vec![0.0; dims.nx],
             u: vec![0.0; dims.nu],
@@ -162,6 +168,9 @@ impl LiveController {
             if let Some(observer) = &mut self.observer {
                 observer.estimator.reset_input(u);
             }
+        }
+        if let Some(inputs) = &self.first_plan {
+            self.nmpc.set_first_plan(inputs)?;
         }
         Ok(())
     }
@@ -310,7 +319,8 @@ impl LiveController {
         let mut expired = || budget.is_some_and(|budget| clock.elapsed() >= budget);
         let step = self.nmpc.step_within(&self.x, &self.window, &mut expired)?;
         let (status, sqp_iterations, kkt) = (step.status, step.sqp_iterations, step.kkt.max());
-        let trust = step.trust;
+        let (trust, curvature_dropped) = (step.trust, step.curvature_dropped);
+        let cost = self.spec.cost.as_ref().map(|_| step.cost);
         self.u.copy_from_slice(step.u);
         let step_us = 1e6 * clock.elapsed().as_secs_f64();
         let chosen = self.inputs.len() - self.u.len();
@@ -333,6 +343,8 @@ impl LiveController {
             estimator: observer.map(|observer| observer.status),
             sqp_iterations,
             kkt,
+            cost,
+            curvature_dropped,
             step_us,
             trust,
             model_error: &self.error,
@@ -404,7 +416,7 @@ impl LiveController {
     /// Writes what is followed by the input of this step.
     fn write_window(&mut self, follow: Follow<'_>) {
         let width = self.spec.controlled.len();
-        let mut stages = self.window.chunks_exact_mut(width);
+        let mut stages = self.window.chunks_exact_mut(width.max(1));
         match follow {
             Follow::Held(row) => stages.for_each(|to| to.copy_from_slice(row)),
             Follow::Stages(rows) => {

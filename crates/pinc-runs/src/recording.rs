@@ -23,6 +23,10 @@ pub(super) struct Totals {
     /// The largest KKT residual.
     pub(super) kkt_max: f64,
     sqp_iterations: usize,
+    /// In how many steps negative curvature was dropped.
+    pub(super) curvature_dropped: usize,
+    /// The cost of the first plan.
+    pub(super) first_cost: Option<f64>,
 }
 
 impl Totals {
@@ -30,6 +34,8 @@ impl Totals {
         *self.status.entry(step.status.to_string()).or_default() += 1;
         self.kkt_max = self.kkt_max.max(step.kkt);
         self.sqp_iterations += step.sqp_iterations;
+        self.curvature_dropped += usize::from(step.curvature_dropped);
+        self.first_cost.get_or_insert(step.cost);
     }
 
     /// SQP iterations per step.

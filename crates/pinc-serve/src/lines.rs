@@ -108,6 +108,11 @@ struct Answer<'a> {
     unknowns: &'a [f64],
     #[serde(skip_serializing_if = "Option::is_none")]
     estimator: Option<String>,
+    /// With `control.cost`: the plan's cost, and whether negative curvature was dropped.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    cost: Option<f64>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    curvature_dropped: Option<bool>,
     step_us: f64,
     /// With `control.error_tolerance`: whether the net was trusted in the plan's first step, and its
     /// estimated error there.
@@ -241,6 +246,8 @@ fn step(controller: &mut LiveController, request: &Request) -> Result<String, St
         x: step.x,
         unknowns: step.unknowns,
         estimator: step.estimator.map(|status| status.to_string()),
+        cost: step.cost,
+        curvature_dropped: step.cost.map(|_| step.curvature_dropped),
         step_us: step.step_us,
         trust: (step.trust != Trust::NotJudged).then(|| step.trust.to_string()),
         model_error: step.model_error,

@@ -1,7 +1,7 @@
 //! Checks of `[control]`.
 
 use super::values::{at_least_one, bounds, length, named_tolerances, positive, tolerance, value};
-use super::{Checked, Problem, plant};
+use super::{Checked, Problem, cost, plant};
 use crate::plants::Plants;
 use crate::problem::nearest;
 use crate::registry::Variables;
@@ -24,10 +24,12 @@ pub(super) fn closed_loop(spec: &ControlSpec, variables: &Variables, plants: &Pl
     if let Some(input) = &spec.initial_input {
         length("control.initial_input", input, inputs, "input")?;
     }
+    first_plan(spec, inputs)?;
+    cost::parts(spec)?;
     controlled(spec, variables)?;
     horizons(spec)?;
     weights("control.q", &spec.q, spec.controlled.len(), QUANTITY)?;
-    weights("control.r", &spec.r, inputs, "input")?;
+    weights("control.r", &spec.input_weight(inputs), inputs, "input")?;
     let terminal = spec.q_terminal.as_ref();
     terminal
         .map_or(Ok(()), |q| weights("control.q_terminal", q, spec.controlled.len(), QUANTITY))?;
@@ -131,10 +133,7 @@ fn close_ups(spec: &ControlSpec) -> Checked {
 fn controlled(spec: &ControlSpec, variables: &Variables) -> Checked {
     let mut known = variables.state_names();
     known.extend(variables.own_output_names());
-    if spec.controlled.is_empty() {
-        let expected = format!("one or more of {}", known.join(", "));
-        return value("control.controlled", "[]", &expected);
-    }
+    known.extend(variables.input_names());
     for (i, name) in spec.controlled.iter().enumerate() {
         let key = format!("control.controlled[{i}]");
         if !known.contains(name) {
@@ -146,6 +145,16 @@ fn controlled(spec: &ControlSpec, variables: &Variables) -> Checked {
         }
     }
     Ok(())
+}
+
+fn first_plan(spec: &ControlSpec, inputs: usize) -> Checked {
+    match spec.first_plan.as_ref().map(|plan| (&plan.input, &plan.file)) {
+        None | Some((None, Some(_))) => Ok(()),
+        Some((Some(input), None)) => length("control.first_plan.input", input, inputs, "input"),
+        Some((Some(_), Some(_)) | (None, None)) => {
+            value("control.first_plan", "both or neither", "one of `input` and `file`")
+        }
+    }
 }
 
 fn horizons(spec: &ControlSpec) -> Checked {
@@ -176,9 +185,6 @@ fn input_differences(spec: &ControlSpec, inputs: usize) -> Checked {
 }
 
 fn references(spec: &ControlSpec) -> Checked {
-    if spec.references.is_empty() {
-        return value("control.references", "[]", "at least one { start_s, value }");
-    }
     let mut previous = None;
     for (i, step) in spec.references.iter().enumerate() {
         let key = format!("control.references[{i}]");

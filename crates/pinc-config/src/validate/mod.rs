@@ -2,6 +2,7 @@
 
 mod black_box;
 mod control;
+mod cost;
 mod estimator;
 mod identify;
 pub(crate) mod limits;
@@ -52,6 +53,7 @@ impl Experiment {
         }
         if let Some(control) = &self.control {
             closed_loop(control, &variables, self.plants())?;
+            cost::expressions(self, control, &variables)?;
             schedule::times(control, self.sample_time_s())?;
             estimator::output_feedback(self, control, &variables)?;
             schedule::schedules(self, control)?;

@@ -57,6 +57,27 @@ impl Equations {
         then(&unrolled.equations).map_err(|error| unrolled.explain(error))
     }
 
+    /// [`Equations::unrolled`] with two further expressions, at their keys.
+    pub(crate) fn unrolled_with<T>(
+        &self,
+        texts: [(&'static str, &str); 2],
+        then: impl FnOnce(&Self, [&str; 2]) -> Result<T, ExpressionError>,
+    ) -> Result<T, ExpressionError> {
+        if !self.has_arrays() && !texts.iter().any(|(_, text)| text.contains('[')) {
+            return then(self, texts.map(|(_, text)| text));
+        }
+        let mut unrolled = Unrolled::new(self)?;
+        let mut plain = Vec::new();
+        for (key, text) in texts {
+            let source = Source { key: key.to_owned(), text, indices: Indices::new(&self.sizes) };
+            let expanded = expand(text, &unrolled.names, &mut source.indices.clone());
+            plain.push(expanded.map_err(|problem| source.error(problem))?.text);
+            unrolled.sources.insert(key.to_owned(), source);
+        }
+        let plain = [plain[0].as_str(), plain[1].as_str()];
+        then(&unrolled.equations, plain).map_err(|error| unrolled.explain(error))
+    }
+
     /// The states, the inputs, and the outputs that are no states, each element of an array by
     /// itself.
     ///

@@ -4,6 +4,7 @@ mod algebraic;
 mod arrays;
 #[path = "../../../pinc-ad/tests/suite/common.rs"]
 mod common;
+mod cost;
 mod numbers;
 mod on_dual_numbers;
 mod outputs;

@@ -12,6 +12,7 @@ impl Nmpc {
         self.pending.copy_from_slice(&other.pending);
         self.start.copy_from_slice(&other.start);
         self.guess = other.guess;
+        self.steps = other.steps;
         self.plan_state = other.plan_state;
         self.phase = other.phase.without_linearization();
     }
@@ -28,6 +29,7 @@ impl Nmpc {
             memory.numbers(part);
         }
         self.guess.remember(memory);
+        memory.step(&mut self.steps);
         self.phase.remember(memory);
         self.plan_state.remember(memory);
         self.sqp.forget();

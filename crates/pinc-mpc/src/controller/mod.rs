@@ -1,5 +1,6 @@
 //! The controller.
 
+mod first_plan;
 mod handover;
 
 use crate::builder::NmpcBuilder;
@@ -8,7 +9,6 @@ use crate::error::{check_finite, check_length};
 use crate::guard::{Guard, Trust};
 use crate::guess::{Guess, Phase};
 use crate::horizon::Horizon;
-use crate::kkt::KktResidual;
 use crate::report::{Planned, StepReport};
 use crate::solution::Solution;
 use crate::sqp::{Outcome, PlanState, Sqp, StepInput};
@@ -80,6 +80,8 @@ pub struct Nmpc {
     /// What is known of the plan. If it was not evaluated and the model has no value there, the
     /// next step starts afresh.
     plan_state: PlanState,
+    /// The steps made so far.
+    steps: u32,
     /// u\[k-1\]
     previous: Vec<f64>,
     /// The inputs that are under way, the next to act first, `[delay, m]`.
@@ -127,6 +129,7 @@ impl Nmpc {
             guess: Guess::Cold,
             phase: Phase::Solved,
             plan_state: PlanState::Evaluated,
+            steps: 0,
             previous: vec![0.0; dims.nu],
             start: vec![0.0; dims.nx],
             next: vec![0.0; dims.nx],
@@ -211,6 +214,7 @@ impl Nmpc {
         self.guess = Guess::Cold;
         self.phase = Phase::Solved;
         self.plan_state = PlanState::Evaluated;
+        self.steps = 0;
         self.previous.fill(0.0);
         self.pending.fill(0.0);
     }
@@ -387,7 +391,11 @@ impl Nmpc {
             self.place(x);
         }
         self.predict_delay(x);
+        if self.guess == Guess::Given {
+            self.roll_out();
+        }
         self.shift_warm_start();
+        self.set_time();
         if self.config.real_time {
             self.prepare_linearization();
         }
@@ -401,26 +409,23 @@ impl Nmpc {
         let (status, followed) = self.accept(&outcome);
         self.previous.copy_from_slice(self.plan.first_input());
         self.push_delay_line();
-        let Outcome { iterations, last, violated, .. } = outcome;
-        let (sqp_iterations, kkt, work) = (iterations, last, self.sqp.take_work());
-        let trust = Trust::NotJudged;
-        Planned { status, sqp_iterations, work, kkt, violated, followed, trust }
+        Planned::of(&outcome, status, followed, self.sqp.take_work())
+    }
+
+    /// Says the time at which the plan begins, and counts the step.
+    fn set_time(&mut self) {
+        #[expect(clippy::cast_precision_loss, reason = "a delay is at most 10 000 steps")]
+        let delay = self.problem.delay as f64;
+        self.sqp.set_time((f64::from(self.steps) + delay) * self.horizon.times()[1]);
+        self.steps = self.steps.saturating_add(1);
     }
 
     /// A step without a state: the last input is held.
     fn hold(&mut self) -> StepReport<'_> {
+        self.steps = self.steps.saturating_add(1);
         self.problem.input_bounds.clamp(&mut self.previous);
         self.push_delay_line();
-        StepReport {
-            u: &self.previous,
-            status: SqpStatus::BadArgument,
-            sqp_iterations: 0,
-            work: self.sqp.take_work(),
-            kkt: KktResidual::unknown(),
-            violated: None,
-            followed: false,
-            trust: Trust::NotJudged,
-        }
+        Planned::held(self.sqp.take_work()).report(&self.previous)
     }
 
     fn optimize(&mut self, reference: &[f64], expired: &mut dyn FnMut() -> bool) -> Outcome {
@@ -504,7 +509,7 @@ impl Nmpc {
             status = SqpStatus::NumericalTrouble;
         }
         let (mut has_fallback, mut waited) = match self.guess {
-            Guess::Cold | Guess::Held => (false, 0),
+            Guess::Cold | Guess::Held | Guess::Given => (false, 0),
             Guess::Warm { fallback } => (fallback, 0),
             Guess::Tentative { waited } => (true, waited),
         };

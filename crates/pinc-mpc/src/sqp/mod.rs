@@ -79,6 +79,11 @@ pub(crate) struct Outcome {
     pub(crate) violated: Option<Constraint>,
     /// What is known of the plan.
     pub(crate) plan_state: PlanState,
+    /// Whether the plan is not known to be a minimum, since the cost's curvature is negative there;
+    /// without convergence, whether the last program had to be made convex.
+    pub(crate) curvature_dropped: bool,
+    /// The cost of the last plan that was evaluated.
+    pub(crate) cost: f64,
 }
 
 impl Outcome {
@@ -90,6 +95,8 @@ impl Outcome {
             last: KktResidual::unknown(),
             violated: None,
             plan_state: PlanState::Evaluated,
+            curvature_dropped: false,
+            cost: f64::NAN,
         }
     }
 }
@@ -211,6 +218,11 @@ impl Sqp {
         }
     }
 
+    /// Sets the time of the first stage in s.
+    pub(crate) fn set_time(&mut self, now_s: f64) {
+        self.transcription.set_time(now_s);
+    }
+
     /// Forgets all plans.
     pub(crate) fn forget(&mut self) {
         self.transcription.forget();
@@ -245,7 +257,8 @@ impl Sqp {
         self.convert(plan, false);
         let qp = &mut self.qp;
         self.transcription.move_measured([input.x0, &self.prepared], qp);
-        self.transcription.measure(input.x0, &plan.z, input.targets, qp);
+        let cost = self.transcription.measure(input.x0, &plan.z, input.targets, qp);
+        let cost = self.transcription.units.plain_cost(cost);
         let last = self.residual(plan);
         let (status, conflict) = match last.max().is_finite() {
             true => self.solve_prepared(plan, expired),
@@ -257,7 +270,8 @@ impl Sqp {
         }
         self.convert(plan, true);
         let violated = conflict.map(|row| self.transcription.name(row));
-        Outcome { status, iterations: 1, last, violated, plan_state: PlanState::Evaluated }
+        let (plan_state, curvature_dropped) = (PlanState::Evaluated, false);
+        Outcome { status, iterations: 1, last, violated, plan_state, curvature_dropped, cost }
     }
 
     /// Solves the QP, with hard constraints made soft if it must be.
@@ -293,6 +307,10 @@ impl Sqp {
     ) -> Outcome {
         self.leave_elastic();
         self.choose_units(input.x0, Some(input.targets));
+        let at = [input.x0, &plan.z];
+        if self.transcription.choose_cost(at, input.targets, &mut self.trial) {
+            self.rebuild_programs();
+        }
         self.convert(plan, false);
         let outcome = self.optimize(horizon, input, plan, expired);
         self.convert(plan, true);
@@ -324,12 +342,21 @@ impl Sqp {
         std::mem::swap(&mut self.qp, &mut self.trial);
         let (mut iterations, mut least) = (0, point.kkt.max());
         let (mut conflict, mut plan_state) = (None, PlanState::Evaluated);
+        let (mut curved, mut curvature_dropped) = (false, false);
         let status = loop {
             if let Some(status) = self.check_termination(point.kkt, iterations) {
                 break status;
             }
             if expired() {
                 break SqpStatus::Deadline;
+            }
+
+            if self.transcription.is_exact() && !curved {
+                let qp = &mut self.qp;
+                match self.transcription.curve(model, input.x0, plan, qp, false, expired) {
+                    Some(dropped) => (curved, curvature_dropped) = (true, dropped),
+                    None => break SqpStatus::Deadline,
+                }
             }
 
             // d, lambda+
@@ -355,7 +382,7 @@ impl Sqp {
 
             // alpha, z, lambda
             match self.search(model, input, plan, (point, least), expired) {
-                Search::Found(next) => point = next,
+                Search::Found(next) => (point, curved) = (next, false),
                 Search::Expired => break SqpStatus::Deadline,
                 Search::Unevaluated => {
                     plan_state = PlanState::Stepped;
@@ -369,7 +396,21 @@ impl Sqp {
             }
             least = least.min(point.kkt.max());
         };
-        let outcome = Outcome { status, iterations, last: point.kkt, violated: None, plan_state };
+        if status == SqpStatus::Converged && self.transcription.is_exact() {
+            let qp = &mut self.qp;
+            self.transcription.measure(input.x0, &plan.z, input.targets, qp);
+            let found = self.transcription.curve(model, input.x0, plan, qp, true, expired);
+            curvature_dropped = found.unwrap_or(true);
+        }
+        let outcome = Outcome {
+            status,
+            iterations,
+            last: point.kkt,
+            violated: None,
+            plan_state,
+            curvature_dropped,
+            cost: self.transcription.units.plain_cost(point.cost),
+        };
         self.finalize(outcome, plan, conflict)
     }
 

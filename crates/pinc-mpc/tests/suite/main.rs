@@ -6,6 +6,7 @@ mod applied_input;
 mod broken_bounds;
 mod closed_loop;
 mod deadlines;
+mod economic;
 mod failures;
 mod faulty;
 mod feedthrough;

@@ -40,7 +40,10 @@ fn tracked_states() {
         "tracked is 2, but must be from 0 to 1"
     );
     assert_eq!(refusal(|p| p.tracked = Tracked::states([1, 1])), "tracked names state 1 twice");
-    assert!(refusal(|p| p.tracked = Tracked::states([])).contains("tracked"));
+    assert_eq!(
+        refusal(|p| p.tracked = Tracked::states([])),
+        "weights.q: 2 numbers, but 0 are expected"
+    );
 }
 
 #[test]

@@ -9,6 +9,7 @@ mod integrators;
 mod loaded;
 mod metrics;
 mod piecewise_constant;
+mod quadrature;
 mod rosenbrock;
 mod runge_kutta;
 mod tangent;

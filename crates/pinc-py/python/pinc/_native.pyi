@@ -238,6 +238,13 @@ class ControlStep:
     def kkt(self) -> float:
         """The KKT residual that the optimization ended with."""
     @property
+    def cost(self) -> Optional[float]:
+        """The cost of the plan, with ``control.cost``."""
+    @property
+    def curvature_dropped(self) -> bool:
+        """Whether negative curvature of the cost was dropped, so that the plan is not proven to be a
+        minimum; only with ``control.cost``."""
+    @property
     def step_us(self) -> float:
         """How long the step took, in us."""
     @property

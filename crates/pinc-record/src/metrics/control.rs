@@ -46,6 +46,9 @@ pub struct ControlMetrics {
     pub violations: Vec<ViolationMetrics>,
     /// How many steps ended with which status.
     pub status: BTreeMap<String, usize>,
+    /// What the plans of a `[control.cost]` cost; not there without one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub cost: Option<CostMetrics>,
     /// Whether the references were reached.
     #[serde(flatten)]
     pub references: ReferenceMetrics,
@@ -58,6 +61,23 @@ pub struct ControlMetrics {
     /// How good the estimates were, where the controller was told of estimates.
     #[serde(flatten)]
     pub estimator: Option<EstimatorMetrics>,
+}
+
+/// The plans of a loop with a `[control.cost]`.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct CostMetrics {
+    /// The cost of the first plan.
+    #[serde(deserialize_with = "number_or_null")]
+    pub first_plan: f64,
+    /// In how many steps negative curvature was dropped: plans that meet the first-order conditions,
+    /// without proof that they are minima.
+    pub curvature_dropped: usize,
+}
+
+impl std::fmt::Display for CostMetrics {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "the first plan costs {:.7}", self.first_plan)
+    }
 }
 
 /// How often the estimated error of the net in the first step of a plan was beyond its tolerance.

@@ -26,6 +26,7 @@ mod limits;
 mod lists;
 mod measurements;
 mod oil_well;
+mod optima;
 mod own_plant;
 mod predict;
 mod random;

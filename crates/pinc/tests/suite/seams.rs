@@ -295,6 +295,7 @@ fn keys() -> Vec<(&'static str, Vec<&'static str>, About)> {
             vec!["control.initial_input=[0.8]", "control.increment_high=[0.3]"],
             Controller,
         ),
+        ("first_plan", vec!["control.first_plan={ input = [0.5] }"], Unseen),
         ("controlled", vec!["control.controlled=[\"y\"]"], Controller),
         ("n1", vec!["control.n1=2"], Controller),
         ("n2", vec!["control.n2=8"], Controller),
@@ -306,6 +307,7 @@ fn keys() -> Vec<(&'static str, Vec<&'static str>, About)> {
         ),
         ("q", vec!["control.q=[3.0]"], Controller),
         ("r", vec!["control.r=[0.1]"], Controller),
+        ("cost", vec!["control.cost={ stage = \"u^2 - x\", terminal = \"x^2\" }"], Controller),
         ("q_terminal", vec!["control.q_terminal=[100.0]"], Controller),
         ("weights_profile", vec!["control.weights_profile=\"cumulative\""], Controller),
         (

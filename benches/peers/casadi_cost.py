@@ -1,0 +1,117 @@
+"""Solves the first plan of a config with a [control.cost] by IPOPT, on the discretization of PINC:
+multiple shooting, classical RK4 with the config's substeps, the cost as one more state.
+
+    python casadi_cost.py CONFIG.toml... > ../../crates/pinc/tests/suite/optima.jsonl
+
+Prints per config one line of JSON: objective, and the inputs of the plan.
+"""
+
+import json
+import sys
+import tomllib
+
+import casadi as ca
+
+FUNCTIONS = {name: getattr(ca, name) for name in ("sqrt", "exp", "log", "sin", "cos", "tan", "tanh")}
+FUNCTIONS |= {"atan": ca.atan, "abs": ca.fabs, "min": ca.fmin, "max": ca.fmax, "pi": ca.pi}
+
+
+def evaluate(text, scope):
+    return eval(text.replace("^", "**"), {"__builtins__": {}}, FUNCTIONS | scope)
+
+
+def model(config):
+    """x, u, t -> x', the rate of the cost, and the cost of an end."""
+    plant, cost = config["plant"]["expression"], config["control"]["cost"]
+    x = ca.SX.sym("x", len(plant["states"]))
+    u = ca.SX.sym("u", len(plant["inputs"]))
+    t = ca.SX.sym("t")
+    scope = dict(plant.get("parameters", {}))
+    scope |= {v["name"]: x[i] for i, v in enumerate(plant["states"])}
+    scope |= {v["name"]: u[i] for i, v in enumerate(plant["inputs"])}
+    waiting = dict(plant.get("let", {}))
+    while waiting:
+        for name, text in list(waiting.items()):
+            try:
+                scope[name] = evaluate(text, scope)
+                del waiting[name]
+            except NameError:
+                pass
+    dx = ca.vertcat(*(evaluate(plant["derivatives"][v["name"]], scope) for v in plant["states"]))
+    for name, output in plant.get("outputs", {}).items():
+        text = output if isinstance(output, str) else output["expression"]
+        scope[name] = evaluate(text, scope)
+    scope |= cost.get("parameters", {}) | {"t": t}
+    stage = evaluate(cost.get("stage", "0"), scope)
+    end = evaluate(cost.get("terminal", "0"), scope)
+    return ca.Function("f", [x, u, t], [dx, stage]), ca.Function("e", [x, u, t], [end])
+
+
+def step(f, n, m, length, substeps):
+    x, u, t = ca.SX.sym("x", n), ca.SX.sym("u", m), ca.SX.sym("t")
+    h, now, cost, time = length / substeps, x, 0, t
+    one = ca.SX.sym("y", n), ca.SX.sym("v", m), ca.SX.sym("s")
+    y, v, s = one
+    k1, l1 = f(y, v, s)
+    k2, l2 = f(y + h / 2 * k1, v, s + h / 2)
+    k3, l3 = f(y + h / 2 * k2, v, s + h / 2)
+    k4, l4 = f(y + h * k3, v, s + h)
+    j = ca.SX.sym("J")
+    z = ca.vertcat(y, s, j)
+    following = ca.vertcat(
+        y + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4), s + h, j + h / 6 * (l1 + 2 * l2 + 2 * l3 + l4)
+    )
+    sub = ca.Function("sub", [z, v], [following])
+    chain = sub.mapaccum(substeps) if substeps > 1 else sub
+    zx, zu, zt = ca.MX.sym("x", n), ca.MX.sym("u", m), ca.MX.sym("t")
+    out = chain(ca.vertcat(zx, zt, 0), ca.repmat(zu, 1, substeps))
+    last = out[:, -1]
+    return ca.Function("F", [zx, zu, zt], [last[:n], last[n + 1]])
+
+
+def solve(config, guess=None):
+    control = config["control"]
+    n, m = len(control["initial_state"]), len(control["input_low"])
+    lengths = control.get("stages_s", [control["step_s"]] * control["n2"])
+    f, end = model(config)
+    steps = {}
+    for length in lengths:
+        substeps = max(1, -int(-control["rk4_substeps"] * length / lengths[0] * (1 - 1e-12) // 1))
+        steps[length] = steps.get(length) or step(f, n, m, length, substeps)
+    inf = float("inf")
+    X = [ca.MX.sym(f"x{j + 1}", n) for j in range(len(lengths))]
+    U = [ca.MX.sym(f"u{j}", m) for j in range(control["nu"])]
+    x, time, J, g = ca.DM(control["initial_state"]), 0.0, 0, []
+    previous = control.get("initial_input", [0.0] * m)
+    r = control.get("r", [0.0] * m)
+    for j, length in enumerate(lengths):
+        u = U[min(j, len(U) - 1)]
+        following, cost = steps[length](x, u, time)
+        J += cost
+        if j < len(U):
+            J += sum(w * (u[i] - previous[i]) ** 2 for i, w in enumerate(r))
+            previous = u
+        g.append(following - X[j])
+        x, time = X[j], time + length
+    J += end(x, U[-1], time)
+    low = control.get("state_low", [-inf] * n) * len(X) + control["input_low"] * len(U)
+    high = control.get("state_high", [inf] * n) * len(X) + control["input_high"] * len(U)
+    held = control.get("initial_input", [0.0] * m)
+    start = guess or list(control["initial_state"]) * len(X) + list(held) * len(U)
+    problem = {"x": ca.vertcat(*X, *U), "f": J, "g": ca.vertcat(*g)}
+    quiet = {"ipopt.print_level": 0, "print_time": 0, "ipopt.sb": "yes", "ipopt.tol": 1e-11,
+             "ipopt.max_iter": 5000, "ipopt.bound_relax_factor": 0.0}
+    solver = ca.nlpsol("s", "ipopt", problem, quiet)
+    found = solver(x0=start, lbx=low, ubx=high, lbg=0, ubg=0)
+    z = found["x"].full().ravel().tolist()
+    status = solver.stats()["return_status"]
+    return float(found["f"]), z[n * len(X):], status, solver.stats()["iter_count"]
+
+
+if __name__ == "__main__":
+    for path in sys.argv[1:]:
+        with open(path, "rb") as file:
+            config = tomllib.load(file)
+        objective, inputs, status, count = solve(config)
+        print(json.dumps({"name": config["name"], "objective": objective, "inputs": inputs,
+                          "status": status, "iterations": count}), flush=True)

@@ -1,0 +1,77 @@
+//! The section `[control.cost]`: a cost as text.
+
+use crate::{Experiment, PlantSpec};
+use pinc_expr::{CostExpressions, Equations, ExpressionError, PlantEquations};
+use pinc_ode::DynPlant;
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
+
+/// A cost beside the quadratic one of `q` and `r`, or in its place: what a plan costs, less what it
+/// earns.
+///
+/// Its expressions have the states, inputs, outputs, parameters and intermediate expressions of the
+/// plant, the numbers of `parameters`, and `t`, the time in s since the loop began.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct CostSpec {
+    /// Cost per second, which is integrated over each stage of the horizon: by the integrator that
+    /// is the model, or along a net by Gauss-Legendre quadrature with three points.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub stage: Option<String>,
+    /// Cost of the last predicted state, with the last input.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub terminal: Option<String>,
+    /// Numbers by name, prices for instance.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub parameters: BTreeMap<String, f64>,
+}
+
+impl CostSpec {
+    /// The plant extended by the time and the cost (see
+    /// [`PlantEquations::compile_with_cost`]), with the parameters `varying`. Of a plant without
+    /// equations only the cost is known: its states stay where they are.
+    ///
+    /// # Errors
+    ///
+    /// What is wrong with an expression, at the key `stage` or `terminal`.
+    pub fn beside(
+        &self,
+        plant: &PlantSpec,
+        varying: &[&str],
+    ) -> Result<Box<dyn DynPlant>, ExpressionError> {
+        let expressions = CostExpressions {
+            stage: self.stage.as_deref().unwrap_or("0"),
+            terminal: self.terminal.as_deref().unwrap_or("0"),
+            parameters: &self.parameters,
+        };
+        let equations = plant.equations().unwrap_or_else(|| at_rest(plant));
+        Ok(equations.compile_with_cost(varying, expressions)?.into_dyn())
+    }
+}
+
+impl Experiment {
+    /// The plant with the cost of `[control.cost]` beside it, if there is one.
+    ///
+    /// # Panics
+    ///
+    /// If the experiment was not read and checked, and an expression is wrong.
+    #[must_use]
+    pub fn costed_plant(&self, varying: &[&str]) -> Option<Box<dyn DynPlant>> {
+        let cost = self.control.as_ref()?.cost.as_ref()?;
+        let plant = cost.beside(&self.plant, varying);
+        Some(plant.expect("the cost was compiled when the config was read"))
+    }
+}
+
+/// The states and inputs of a plant that another program simulates, without its equations.
+fn at_rest(plant: &PlantSpec) -> PlantEquations {
+    let variables = plant.variables();
+    let rate = |name: String| (name, "0".to_owned());
+    Equations {
+        derivatives: variables.state_names().into_iter().map(rate).collect(),
+        states: variables.states,
+        inputs: variables.inputs,
+        ..Equations::default()
+    }
+    .into()
+}

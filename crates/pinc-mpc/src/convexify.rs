@@ -1,0 +1,395 @@
+//! Quadratic programs made convex where they are not.
+
+use pinc_qp::{Multipliers, OcpDims, Qp};
+
+/// An eigenvalue this far below 0, in terms of the largest entry, is negative and not rounding.
+const NEGATIVE: f64 = 1e-9;
+
+/// The least curvature by an input: as part of the largest entry of its own block, and as part of
+/// the cost's largest slope, so that a step along it is long but finite.
+const LEAST: [f64; 2] = [1e-9, 1e-7];
+
+/// A multiplier of a bound above this says that the bound stays active.
+const ACTIVE: f64 = 1e-7;
+
+/// The curvature that keeps a variable at an active bound, in terms of the largest entry.
+const HELD: f64 = 1e8;
+
+/// Makes a program convex on its dynamics: the Riccati recursion over (`dx_j`, `du_{j-1}`), as the
+/// stage-wise method of pinc-qp has it, in which the curvature by the increment of a stage,
+///
+/// ```text
+/// G = R_j + T_j + .. + B'P B + ..
+/// ```
+///
+/// must be positive definite. Where it is not, its negative eigenvalues lambda become `|lambda|`
+/// (and small ones a little positive), and `T_j` gets the difference. The Hessians of the states
+/// may stay indefinite: where G is positive definite at all stages, the program is left as it is
+/// and has one solution.
+///
+/// Limits are not taken into account: a program that is convex only where its active limits keep it
+/// is changed too.
+#[derive(Debug)]
+pub(crate) struct Convexifier {
+    /// M and then P, `[n + m, n + m]`.
+    cost_to_go: Vec<f64>,
+    product: Vec<f64>,
+    /// F, `[n, n + m]`.
+    model: Vec<f64>,
+    /// G, `[m, m]`, its eigenvalues, or its factor.
+    pivot: Vec<f64>,
+    vectors: Vec<f64>,
+    /// `G^-1 M_u:`, `[m, n + m]`.
+    gain: Vec<f64>,
+}
+
+impl Convexifier {
+    pub(crate) fn new(dims: OcpDims) -> Self {
+        let (n, m) = (dims.nx, dims.nu);
+        let s = n + m;
+        Self {
+            cost_to_go: vec![0.0; s * s],
+            product: vec![0.0; s * s],
+            model: vec![0.0; n * s],
+            pivot: vec![0.0; m * m],
+            vectors: vec![0.0; m * m],
+            gain: vec![0.0; m * s],
+        }
+    }
+
+    /// Whether `qp`, whose Hessian is overwritten, has negative curvature along a step that keeps the
+    /// bounds with multipliers active: if not, a plan that meets the first-order conditions is a
+    /// minimum. Other constraints are not taken into account.
+    pub(crate) fn finds_descent(&mut self, qp: &mut Qp, multipliers: &Multipliers) -> bool {
+        let OcpDims { nx: n, nu: m, .. } = qp.dims;
+        let entries = qp.q.iter().chain(&qp.t).chain(&qp.r);
+        let held = HELD * entries.fold(1.0_f64, |most, entry| most.max(entry.abs()));
+        let states = qp.dims.all_states();
+        for (v, multiplier) in multipliers.bounds.iter().enumerate() {
+            if multiplier.abs() > ACTIVE {
+                match v.checked_sub(states) {
+                    None => qp.q[(v / n * n + v % n) * n + v % n] += held,
+                    Some(v) => qp.t[(v / m * m + v % m) * m + v % m] += held,
+                }
+            }
+        }
+        self.apply(qp)
+    }
+
+    /// Makes `qp`, which has a stage cost, convex; whether negative curvature was dropped.
+    pub(crate) fn apply(&mut self, qp: &mut Qp) -> bool {
+        let dims = qp.dims;
+        let OcpDims { nx: n, nu: m, horizon, n_controls, .. } = dims;
+        let s = n + m;
+        let slope = qp.gradient.iter().fold(0.0_f64, |most, g| most.max(g.abs()));
+        let mut dropped = false;
+        self.cost_to_go.fill(0.0);
+        add_cross(&mut self.cost_to_go, qp.s(horizon), (n, m));
+        for j in (0..horizon).rev() {
+            for (i, row) in qp.q(j + 1).chunks_exact(n).enumerate() {
+                let to = &mut self.cost_to_go[i * s..i * s + n];
+                to.iter_mut().zip(row).for_each(|(to, q)| *to += q);
+            }
+            add_cross(&mut self.cost_to_go, qp.s_before(j + 1), (n, m));
+            self.step_back(qp.a(j), &qp.b[j * n * m..(j + 1) * n * m], (n, m));
+            if j > 0 {
+                add_cross(&mut self.cost_to_go, qp.s(j), (n, m));
+            }
+            if j < n_controls {
+                for (k, row) in qp.t[j * m * m..(j + 1) * m * m].chunks_exact(m).enumerate() {
+                    let to = &mut self.cost_to_go[(n + k) * s + n..(n + k + 1) * s];
+                    to.iter_mut().zip(row).for_each(|(to, t)| *to += t);
+                }
+                let r = &qp.r[j * m * m..(j + 1) * m * m];
+                dropped |= self.correct(r, slope, &mut qp.t[j * m * m..(j + 1) * m * m], (n, m));
+                self.eliminate(r, (n, m));
+            }
+        }
+        dropped
+    }
+
+    /// P becomes M = F'P F, with F = (A B; 0 I).
+    fn step_back(&mut self, a: &[f64], b: &[f64], (n, m): (usize, usize)) {
+        let s = n + m;
+        let Self { cost_to_go, product, model, .. } = self;
+        for (i, row) in model.chunks_exact_mut(s).enumerate() {
+            row[..n].copy_from_slice(&a[i * n..(i + 1) * n]);
+            row[n..].copy_from_slice(&b[i * m..(i + 1) * m]);
+        }
+        // P F
+        for (row, p) in product.chunks_exact_mut(s).zip(cost_to_go.chunks_exact(s)) {
+            row[..n].fill(0.0);
+            row[n..].copy_from_slice(&p[n..]);
+            for (p, model) in p[..n].iter().zip(model.chunks_exact(s)) {
+                row.iter_mut().zip(model).for_each(|(to, f)| *to += p * f);
+            }
+        }
+        // F'(P F)
+        cost_to_go[..n * s].fill(0.0);
+        cost_to_go[n * s..].copy_from_slice(&product[n * s..]);
+        for (model, product) in model.chunks_exact(s).zip(product.chunks_exact(s)) {
+            for (f, to) in model.iter().zip(cost_to_go.chunks_exact_mut(s)) {
+                to.iter_mut().zip(product).for_each(|(to, p)| *to += f * p);
+            }
+        }
+        for i in 0..s {
+            for k in 0..i {
+                let mean = 0.5 * (cost_to_go[i * s + k] + cost_to_go[k * s + i]);
+                cost_to_go[i * s + k] = mean;
+                cost_to_go[k * s + i] = mean;
+            }
+        }
+    }
+
+    /// Makes G positive definite by changing `t` and M; whether an eigenvalue was negative.
+    fn correct(&mut self, r: &[f64], slope: f64, t: &mut [f64], (n, m): (usize, usize)) -> bool {
+        let s = n + m;
+        let mut size = 0.0_f64;
+        for (k, row) in self.pivot.chunks_exact_mut(m).enumerate() {
+            let own = &self.cost_to_go[(n + k) * s + n..(n + k + 1) * s];
+            for ((to, own), r) in row.iter_mut().zip(own).zip(&r[k * m..]) {
+                *to = own + r;
+                size = size.max(to.abs());
+            }
+        }
+        diagonalize(&mut self.pivot, &mut self.vectors, m);
+        let least = (LEAST[0] * size).max(LEAST[1] * slope).max(f64::MIN_POSITIVE);
+        let mut dropped = false;
+        for e in 0..m {
+            let value = self.pivot[e * m + e];
+            if value >= least {
+                continue;
+            }
+            dropped |= value < -(NEGATIVE * size).max(least);
+            let change = value.abs().max(least) - value;
+            for i in 0..m {
+                for k in 0..m {
+                    let part = change * self.vectors[i * m + e] * self.vectors[k * m + e];
+                    t[i * m + k] += part;
+                    self.cost_to_go[(n + i) * s + n + k] += part;
+                }
+            }
+        }
+        dropped
+    }
+
+    /// Minimizes over the increment: M becomes `M - M_:u G^-1 M_u:`.
+    fn eliminate(&mut self, r: &[f64], (n, m): (usize, usize)) {
+        let s = n + m;
+        let Self { cost_to_go, pivot, gain, .. } = self;
+        for (k, row) in pivot.chunks_exact_mut(m).enumerate() {
+            let own = &cost_to_go[(n + k) * s + n..(n + k + 1) * s];
+            row.iter_mut().zip(own).zip(&r[k * m..]).for_each(|((to, own), r)| *to = own + r);
+        }
+        gain.copy_from_slice(&cost_to_go[n * s..]);
+        // L L' = G and L^-1 M_u:
+        for i in 0..m {
+            for k in 0..=i {
+                let sum: f64 = (0..k).map(|l| pivot[i * m + l] * pivot[k * m + l]).sum();
+                let left = pivot[i * m + k] - sum;
+                pivot[i * m + k] = if i == k {
+                    left.max(f64::MIN_POSITIVE).sqrt()
+                } else {
+                    left / pivot[k * m + k]
+                };
+            }
+            let (before, here) = gain.split_at_mut(i * s);
+            let row = &mut here[..s];
+            for (k, before) in before.chunks_exact(s).enumerate() {
+                let factor = pivot[i * m + k];
+                row.iter_mut().zip(before).for_each(|(to, from)| *to -= factor * from);
+            }
+            row.iter_mut().for_each(|to| *to /= pivot[i * m + i]);
+        }
+        for gain in gain.chunks_exact(s) {
+            for (factor, to) in gain.iter().zip(cost_to_go.chunks_exact_mut(s)) {
+                to.iter_mut().zip(gain).for_each(|(to, gain)| *to -= factor * gain);
+            }
+        }
+    }
+}
+
+/// Adds `[m, n]` products of an input and a state.
+fn add_cross(to: &mut [f64], products: Option<&[f64]>, (n, m): (usize, usize)) {
+    let s = n + m;
+    for (k, row) in products.into_iter().flat_map(|of| of.chunks_exact(n)).enumerate() {
+        for (i, entry) in row.iter().enumerate() {
+            to[i * s + n + k] += entry;
+            to[(n + k) * s + i] += entry;
+        }
+    }
+}
+
+/// Jacobi's method: the eigenvalues of a symmetric matrix go to its diagonal, the eigenvectors to
+/// the columns of `vectors`. Reference: Golub and Van Loan, *Matrix Computations*, section 8.5.
+fn diagonalize(matrix: &mut [f64], vectors: &mut [f64], m: usize) {
+    vectors.fill(0.0);
+    vectors.iter_mut().step_by(m + 1).for_each(|diagonal| *diagonal = 1.0);
+    for _ in 0..30 {
+        let mut rotated = false;
+        for i in 1..m {
+            for k in 0..i {
+                let off = matrix[i * m + k];
+                let [a, b] = [matrix[k * m + k], matrix[i * m + i]];
+                if off.abs() <= f64::EPSILON * (a.abs() * b.abs()).sqrt() + f64::MIN_POSITIVE {
+                    continue;
+                }
+                rotated = true;
+                let tau = (b - a) / (2.0 * off);
+                let t = tau.signum() / (tau.abs() + tau.hypot(1.0));
+                let c = 1.0 / t.hypot(1.0);
+                rotate(matrix, vectors, m, [k, i], [c, t * c]);
+            }
+        }
+        if !rotated {
+            return;
+        }
+    }
+}
+
+/// Rotates the plane of two axes.
+fn rotate(matrix: &mut [f64], vectors: &mut [f64], m: usize, [k, i]: [usize; 2], [c, s]: [f64; 2]) {
+    let turn = |of: &mut [f64], one: usize, other: usize| {
+        let [a, b] = [of[one], of[other]];
+        (of[one], of[other]) = (c * a - s * b, s * a + c * b);
+    };
+    for row in 0..m {
+        turn(matrix, row * m + k, row * m + i);
+    }
+    for column in 0..m {
+        turn(matrix, k * m + column, i * m + column);
+        turn(vectors, column * m + k, column * m + i);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Two states, two inputs of which the second is held for two stages, three stages.
+    fn program(curvature: f64) -> Qp {
+        let dims = OcpDims {
+            nx: 2,
+            nu: 2,
+            horizon: 3,
+            n_controls: 2,
+            n1: 1,
+            inequalities: 0,
+            equalities: 0,
+            outputs: 0,
+            feedthrough: 0,
+        };
+        let mut qp = Qp::new(dims, vec![0.0; 12], [1.0, 0.2, 0.2, 0.5].repeat(2)).with_end_cost();
+        let numbers = |count: usize, shift: f64| -> Vec<f64> {
+            (0..count).map(|i| (1.7 * f64::from(u32::try_from(i).unwrap()) + shift).sin()).collect()
+        };
+        (qp.a, qp.b, qp.s, qp.s_before) =
+            (numbers(12, 0.3), numbers(12, 1.1), numbers(12, 2.0), numbers(12, 0.7));
+        // Indefinite by itself.
+        qp.q = [-0.8, 0.3, 0.3, 1.5].repeat(3);
+        qp.t = [curvature, 0.4, 0.4, curvature].repeat(2);
+        qp.gradient = numbers(10, 0.1);
+        qp
+    }
+
+    /// d'H d of the step in which the inputs move by `u`.
+    fn curvature(qp: &Qp, u: &[f64]) -> f64 {
+        let form = |h: &[f64], a: &[f64], b: &[f64]| -> f64 {
+            let rows = h.chunks_exact(b.len()).zip(a);
+            rows.map(|(row, a)| a * row.iter().zip(b).map(|(h, b)| h * b).sum::<f64>()).sum()
+        };
+        let (mut x, mut sum) = (vec![0.0; 2], 0.0);
+        for j in 0..3 {
+            let now = &u[2 * j.min(1)..2 * j.min(1) + 2];
+            let next: Vec<f64> = (0..2)
+                .map(|i| {
+                    let (a, b) =
+                        (&qp.a(j)[2 * i..2 * i + 2], &qp.b[4 * j + 2 * i..4 * j + 2 * i + 2]);
+                    a[0] * x[0] + a[1] * x[1] + b[0] * now[0] + b[1] * now[1]
+                })
+                .collect();
+            x = next;
+            let after = &u[2 * (j + 1).min(1)..2 * (j + 1).min(1) + 2];
+            sum += form(qp.q(j + 1), &x, &x);
+            sum += 2.0 * form(qp.s(j + 1).unwrap(), after, &x);
+            sum += 2.0 * form(qp.s_before(j + 1).unwrap(), now, &x);
+        }
+        let (first, last) = (&u[..2], &u[2..]);
+        let moved = [last[0] - first[0], last[1] - first[1]];
+        sum + form(qp.t(0).unwrap(), first, first)
+            + form(qp.t(1).unwrap(), last, last)
+            + form(qp.r(0), first, first)
+            + form(qp.r(1), &moved, &moved)
+    }
+
+    /// The least curvature along the eigenvectors of the Hessian in the inputs.
+    fn least(qp: &Qp) -> f64 {
+        let unit = |i: usize, k: usize| {
+            let mut u = [0.0; 4];
+            (u[i], u[k]) = (1.0, 1.0);
+            curvature(qp, &u)
+        };
+        let mut matrix = vec![0.0; 16];
+        for i in 0..4 {
+            for k in 0..4 {
+                let both =
+                    if i == k { 2.0 * unit(i, i) } else { unit(i, k) - unit(i, i) - unit(k, k) };
+                matrix[4 * i + k] = 0.5 * both;
+            }
+        }
+        let mut vectors = vec![0.0; 16];
+        diagonalize(&mut matrix, &mut vectors, 4);
+        (0..4).map(|i| matrix[5 * i]).fold(f64::INFINITY, f64::min)
+    }
+
+    #[test]
+    fn a_program_with_one_minimum_is_left_as_it_is() {
+        let mut qp = program(9.0);
+        let t = qp.t.clone();
+        assert!(least(&qp) > 0.1, "{}", least(&qp));
+        assert!(!Convexifier::new(qp.dims).apply(&mut qp));
+        assert_eq!(qp.t, t);
+    }
+
+    /// Whether the program is changed is whether its Hessian in the inputs has a negative
+    /// eigenvalue, which it has no more afterwards.
+    #[test]
+    fn negative_curvature_is_found_and_dropped() {
+        let mut changed = 0;
+        for step in -20..40 {
+            let mut qp = program(0.25 * f64::from(step));
+            let before = least(&qp);
+            let dropped = Convexifier::new(qp.dims).apply(&mut qp);
+            assert_eq!(dropped, before < 0.0, "{step}: {before}");
+            assert!(least(&qp) > 0.0, "{step}: {}", least(&qp));
+            changed += usize::from(dropped);
+        }
+        assert!((10..50).contains(&changed), "{changed}");
+    }
+
+    /// What is kept by an active bound does not count.
+    #[test]
+    fn active_bounds_hide_curvature() {
+        let mut qp = program(9.0);
+        qp.t[0] = -40.0;
+        let mut multipliers = Multipliers::new(qp.dims);
+        assert!(Convexifier::new(qp.dims).finds_descent(&mut qp.clone(), &multipliers));
+        multipliers.bounds[6] = -0.5;
+        assert!(!Convexifier::new(qp.dims).finds_descent(&mut qp.clone(), &multipliers));
+    }
+
+    #[test]
+    fn eigenvalues_are_those_of_a_known_matrix() {
+        // Q diag(3, -1, 0.5) Q' with rotations Q.
+        let (mut matrix, mut vectors) =
+            (vec![3.0, 0.0, 0.0, 0.0, -1.0, 0.0, 0.0, 0.0, 0.5], vec![0.0; 9]);
+        rotate(&mut matrix, &mut vectors, 3, [0, 2], [0.8, 0.6]);
+        rotate(&mut matrix, &mut vectors, 3, [1, 2], [0.28, 0.96]);
+        diagonalize(&mut matrix, &mut vectors, 3);
+        let mut values = [matrix[0], matrix[4], matrix[8]];
+        values.sort_by(f64::total_cmp);
+        for (found, expected) in values.iter().zip([-1.0, 0.5, 3.0]) {
+            assert!((found - expected).abs() < 1e-14, "{found} {expected}");
+        }
+    }
+}

@@ -1,0 +1,70 @@
+//! First plans of shipped configs with a `[control.cost]`, against IPOPT's on the same
+//! discretization, as `benches/peers/casadi_cost.py` found them.
+
+use crate::common::repository;
+use pinc_config::{Experiment, Plants};
+use pinc_mpc::SqpStatus;
+use pinc_runs::{Follow, LiveController};
+use serde::Deserialize;
+
+/// What IPOPT found.
+#[derive(Deserialize)]
+struct Answer {
+    name: String,
+    objective: f64,
+    /// All inputs of the plan.
+    inputs: Vec<f64>,
+    status: String,
+}
+
+fn answers() -> Vec<Answer> {
+    let lines = include_str!("optima.jsonl").lines();
+    lines.map(|line| serde_json::from_str(line).expect("an answer")).collect()
+}
+
+/// The cost agrees to 1e-6, and so do the inputs, in parts of their ranges.
+#[test]
+fn first_plans_are_those_of_ipopt() {
+    let answers = answers();
+    assert!(answers.len() >= 3, "{}", answers.len());
+    for Answer { name, objective, inputs, status } in answers {
+        assert_eq!(status, "Solve_Succeeded", "{name}");
+        let path = repository(&format!("configs/gallery/{name}.toml"));
+        let experiment = Experiment::load(&path, &[], &Plants::built_in())
+            .unwrap_or_else(|error| panic!("{error}"));
+        let mut controller = LiveController::new(&experiment, None, None, "the test").unwrap();
+        let spec = controller.spec().clone();
+        let step = controller.step(&spec.initial_state, Follow::Config, None).unwrap();
+        assert_eq!((step.status, step.curvature_dropped), (SqpStatus::Converged, false), "{name}");
+        let cost = step.cost.expect("a config with a cost");
+        let difference = (cost - objective).abs() / objective.abs().max(1e-3);
+        assert!(difference < 1e-6, "{name}: {cost} {objective}");
+        let found = controller.nmpc().plan().inputs();
+        assert_eq!(found.len(), inputs.len(), "{name}");
+        for (i, (found, expected)) in found.iter().zip(&inputs).enumerate() {
+            let k = i % spec.input_low.len();
+            let range = spec.input_high[k] - spec.input_low[k];
+            let off = (found - expected).abs() / range;
+            assert!(off < 1e-4, "{name}, input {i}: {found} {expected}");
+        }
+    }
+}
+
+#[test]
+fn a_cost_that_is_wrong_is_named_with_its_key() {
+    let path = repository("configs/gallery/batch-reactor.toml");
+    for (set, expected) in [
+        ("control.cost.stage=\"-Q/hour\"", "`control.cost.stage`"),
+        ("control.cost.terminal=\"-P +\"", "`control.cost.terminal`"),
+        ("control.cost.parameters={ P = 1.0 }", "`control.cost.parameters.P`"),
+        ("control.cost.parameters={ t = 1.0 }", "`control.cost.parameters.t`"),
+        ("control.cost={}", "`control.cost`"),
+        ("control.sqp.real_time=true", "`control.sqp.real_time`"),
+        ("control.controlled=[\"P\"]", "`control.q`"),
+    ] {
+        let error = Experiment::load(&path, &[set.to_owned()], &Plants::built_in())
+            .unwrap_err()
+            .to_string();
+        assert!(error.contains(expected), "{set}: {error}");
+    }
+}
