@@ -293,7 +293,8 @@ impl Lists<'_> {
                 }
                 Value::Array(elements) => {
                     let (found, expected) = (elements.len(), group.len());
-                    let problem = Problem::Length { found, expected, per: "element of the array" };
+                    let (per, names) = ("element of the array", Vec::new());
+                    let problem = Problem::Length { found, expected, per, names };
                     return Err((in_errors(&format!("{key}.{i}")), problem));
                 }
                 number => all.extend(std::iter::repeat_n(number.clone(), group.len())),

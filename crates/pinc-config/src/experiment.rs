@@ -94,7 +94,8 @@ pub struct LoopParameters<'a> {
 }
 
 impl Experiment {
-    /// Reads a config file, with the values of `sets` (`key.path=value`, as TOML) over its own.
+    /// Reads a config file with the overrides `sets`: `key.path=value`, as TOML, puts a value over
+    /// its own, and `--unset key.path` takes a key away.
     /// Its plant is a built-in one, one of `plants`, or written in the file.
     ///
     /// # Errors
