@@ -75,12 +75,19 @@ impl Reference {
         &self.values[k * self.outputs..(k + 1) * self.outputs]
     }
 
-    /// The steps between which the value changes: each range has one value.
+    /// The steps between which the value changes: each range has one value, or one that moves on in
+    /// every step.
     #[must_use]
     pub fn segments(&self) -> Vec<Range<usize>> {
         let same =
             |k: usize| self.at(k).iter().zip(self.at(k - 1)).all(|(a, b)| a.total_cmp(b).is_eq());
-        let mut starts: Vec<usize> = (0..self.steps()).filter(|&k| k == 0 || !same(k)).collect();
+        let changed = |k: usize| k > 0 && !same(k);
+        let moving = |k: usize| {
+            let beside = if k + 1 < self.steps() { k + 1 } else { k.saturating_sub(2) };
+            changed(k) && changed(k.saturating_sub(1)) && changed(beside)
+        };
+        let begins = |k: &usize| *k == 0 || (changed(*k) && !moving(*k));
+        let mut starts: Vec<usize> = (0..self.steps()).filter(begins).collect();
         starts.push(self.steps());
         starts.windows(2).map(|pair| pair[0]..pair[1]).collect()
     }
@@ -165,6 +172,11 @@ mod tests {
         let reference = Reference::new(vec![1.0, 0.0, 1.0, 0.0, 1.0, 2.0, 1.0, 0.0], 2).unwrap();
         assert_eq!(reference.segments(), [0..2, 2..3, 3..4]);
         assert_eq!(Reference::new(vec![1.0; 3], 1).unwrap().segments(), vec![0..3_usize; 1]);
+        // Held, then moving from step 2 on, then held from step 6 on; and moving to the end.
+        let ramp = vec![0.0, 0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 5.0];
+        assert_eq!(Reference::new(ramp, 1).unwrap().segments(), [0..2, 2..6, 6..8]);
+        let ramp = vec![0.0, 0.0, 1.0, 2.0, 3.0, 4.0];
+        assert_eq!(Reference::new(ramp, 1).unwrap().segments(), [0..2, 2..6]);
     }
 
     #[test]

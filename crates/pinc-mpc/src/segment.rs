@@ -56,7 +56,8 @@ impl ClosedLoop<'_> {
         let has_next = steps.end < self.reference().steps();
         let prepared = if has_next { self.preview_steps() } else { 0 };
         let last = steps.end.saturating_sub(prepared).min(self.steps_done());
-        let errors = |mark: usize| seen.errors(steps.start, mark);
+        // At a mark the value of the step that ends there is compared; at the first, of the first.
+        let errors = |mark: usize| seen.errors(steps.start.max(mark.saturating_sub(1)), mark);
 
         let marks = (steps.start + 1).max((last + 1).saturating_sub(MARKS))..last + 1;
         let mut offset = vec![0.0; tolerance.len()];
