@@ -36,6 +36,12 @@ impl PartialEq for AsWritten {
 }
 
 impl AsWritten {
+    /// These and others, which are put back later.
+    pub(crate) fn and(mut self, later: Vec<(String, Value)>) -> Self {
+        self.0.extend(later);
+        self
+    }
+
     /// Puts these lists back, so that arrays of another size can have them.
     pub(crate) fn restore(&self, table: &mut Table) {
         for (key, value) in &self.0 {

@@ -109,6 +109,13 @@ pub fn export_controller(
                        control.stages_s, or use `pinc serve`";
         return Err(RunError::usage(&experiment.name, problem));
     }
+    if !chosen.spec.bound_schedule.is_empty() {
+        return Err(ExportError::Feature {
+            feature: "control.bound_schedule",
+            instead: "constant bounds, or `pinc serve`",
+        }
+        .into());
+    }
     if chosen.net().is_some() && !chosen.spec.error_tolerance.is_empty() {
         return Err(ExportError::Feature {
             feature: "control.error_tolerance",

@@ -8,7 +8,7 @@ use super::model_error::{self, SharedLog};
 use crate::RunError;
 use pinc_config::{ControlSpec, Experiment, ModelKind, Variables};
 use pinc_estimate::{Augmentation, Estimator, EstimatorStatus};
-use pinc_mpc::{Nmpc, Reference, SqpStatus, Trust};
+use pinc_mpc::{BoundSchedule, Nmpc, Reference, SqpStatus, Trust};
 use pinc_ode::DynPlant;
 use pinc_record::{ModelErrorMetrics, OutsideDomain};
 use std::time::{Duration, Instant};
@@ -30,6 +30,8 @@ pub struct LiveController {
     measured_parameters: Vec<usize>,
     /// What is followed if a step does not say it.
     reference: Reference,
+    /// Bounds that change from the first step on.
+    bounds: Option<BoundSchedule>,
     window: Vec<f64>,
     /// The state that the controller took the plant to be in, and the input that it chose.
     x: Vec<f64>,
@@ -120,6 +122,7 @@ impl LiveController {
             parameters: chosen.parameters.clone(),
             measured_parameters: chosen.measured.clone(),
             reference: setup.reference()?,
+            bounds: setup.bounds()?,
             window: vec![0.0; spec.n2 * spec.controlled.len()],
             x: vec![0.0; dims.nx],
             u: vec![0.0; dims.nu],
@@ -255,6 +258,9 @@ impl LiveController {
         }
         if let Some(u) = u_applied {
             self.nmpc.set_applied_input(u)?;
+        }
+        if let Some(bounds) = &self.bounds {
+            self.nmpc.set_bounds_at(bounds, self.done, self.spec.preview);
         }
         let budget = self.spec.budget_us.map(|us| Duration::from_secs_f64(1e-6 * us));
         let mut expired = || budget.is_some_and(|budget| clock.elapsed() >= budget);

@@ -371,7 +371,9 @@ fn execute(cli: &Cli, plants: &Plants) -> Result<ExitCode, RunError> {
             let choice = pinc_bench::choose(&experiment, &dir, plants, &options, how)?;
             show(quiet, &choice.to_string())?;
         }
-        Command::Check { config, json, set } => return check(config, *json, &set.overrides(), plants),
+        Command::Check { config, json, set } => {
+            return check(config, *json, &set.overrides(), plants);
+        }
         Command::Report { dir } => {
             let path = pinc_runs::rebuild_report(dir)?;
             show(quiet, &path.display().to_string())?;

@@ -10,6 +10,8 @@ mod schedule;
 mod stages;
 mod values;
 
+pub(crate) use values::rounded;
+
 use crate::plants::Plants;
 use crate::problem::nearest;
 use crate::registry::Variables;
@@ -21,8 +23,8 @@ use pinc_expr::ExpressionError;
 use pinc_net::{Ansatz, NetError, ResidualScale, Scenario, TrainingTarget, ValidationConfig};
 use pinc_ode::Dims;
 use values::{
-    CONTROLLED, at_least_one, bounds, length, named_tolerances, positive, present, tolerance, value,
-    whole_steps,
+    CONTROLLED, at_least_one, bounds, length, named_tolerances, positive, present, tolerance,
+    value, whole_steps,
 };
 
 /// The key and what is wrong with its value.

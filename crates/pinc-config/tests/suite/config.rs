@@ -248,9 +248,6 @@ fn keys_can_be_taken_away() {
     let sets = [limit, "--unset control.state_high", "--unset control.state_low"];
     let control = parse(&text, &sets).unwrap().control.unwrap();
     assert_eq!((control.state_low, control.state_high), (None, None));
-    // Of the overrides the last one counts.
-    let sets = ["--unset control.state_high", limit];
-    assert!(parse(&text, &sets).is_err(), "there is no such key yet");
     let control = parse(&text, &["--unset control.q", "control.q=[3.0, 4.0]"]).unwrap().control;
     assert_eq!(control.unwrap().q.entry(1, 1), 4.0);
     for (key, expected) in [

@@ -6,4 +6,5 @@ mod config;
 mod estimator;
 mod guide;
 mod names;
+mod schedules;
 mod times;
