@@ -249,7 +249,7 @@ fn keys_can_be_taken_away() {
     let control = parse(&text, &sets).unwrap().control.unwrap();
     assert_eq!((control.state_low, control.state_high), (None, None));
     let control = parse(&text, &["--unset control.q", "control.q=[3.0, 4.0]"]).unwrap().control;
-    assert_eq!(control.unwrap().q.entry(1, 1), 4.0);
+    assert_eq!(control.unwrap().q, Weight::Diagonal(vec![3.0, 4.0]));
     for (key, expected) in [
         ("control.state_highs", "--unset control.state_highs: there is no key `control.state_hi"),
         ("control.q.h1", "--unset control.q.h1: there is no key `control.q.h1`"),

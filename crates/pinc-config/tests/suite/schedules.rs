@@ -141,7 +141,7 @@ fn parameters_are_functions_of_t() {
         plants[k].plant.rhs(&[0.0, 0.0], &[1.0], &[], &mut dx);
         dx[1]
     };
-    assert_eq!([rate(0), rate(3), rate(7)], [0.0, 0.75, 1.75]);
+    assert_eq!([rate(0), rate(3), rate(7)].to_vec(), [0.0, 0.75, 1.75]);
 }
 
 /// The bounds of `problem` at its first stage, by step.
