@@ -100,7 +100,7 @@ pub(crate) struct SetArgs {
     /// Override a value of the config, as training.lambda=0.5 (repeatable).
     #[arg(long = "set", value_name = "KEY=VALUE")]
     set: Vec<String>,
-    /// Take a key of the config away, as control.output_low (repeatable); before any `--set`.
+    /// Take a key of the config away, as control.preview (repeatable); before any `--set`.
     #[arg(long = "unset", value_name = "KEY")]
     unset: Vec<String>,
 }
