@@ -1,7 +1,7 @@
 //! Whether start, references and bounds fit together and lie in the training domain.
 
 use crate::groups::groups;
-use crate::{Finding, Subject, short};
+use crate::{Finding, MOST_REFERENCES, Subject, short};
 use pinc_analysis::{HeldPoint, OperatingPoint};
 use pinc_config::{ControlSpec, Variables};
 use pinc_net::Domain;
@@ -59,7 +59,7 @@ fn values(subject: &Subject<'_>, control: &ControlSpec) -> Vec<Finding> {
     }
     for (k, reference) in control.references.iter().enumerate() {
         for (&i, value) in subject.controlled().iter().zip(&reference.value) {
-            if outside(*value, ends(control, i)) {
+            if outside(*value, ends(control, i)) && findings.len() < MOST_REFERENCES {
                 let what = format!("{} = {value} is outside its bounds", states[i].name);
                 findings.push(
                     Finding::warning(format!("control.references[{k}]"), what)
@@ -82,7 +82,7 @@ fn outputs(subject: &Subject<'_>, control: &ControlSpec) -> Vec<Finding> {
     let mut report = |reference: usize, i: usize, value: f64, at: &str| {
         let (low, high) = (bounds.low[i], bounds.high[i]);
         let slack = 1e-6 * value.abs().max((high - low).abs().min(1.0));
-        if value >= low - slack && value <= high + slack {
+        if value >= low - slack && value <= high + slack || findings.len() == MOST_REFERENCES {
             return;
         }
         let what = format!(

@@ -29,13 +29,20 @@ pub(crate) fn examine(subject: &Subject<'_>) -> Vec<Finding> {
     findings
 }
 
+/// The plants that the loop has one after the other; of very many, some of them.
+fn plants(subject: &Subject<'_>, step_s: f64) -> Vec<PlantInTheLoop> {
+    let all = subject.experiment.plants_in_the_loop(step_s);
+    let every = all.len().div_ceil(MOST_REFERENCES).max(1);
+    all.into_iter().step_by(every).collect()
+}
+
 /// A plant of the loop whose gain has another sign than the gain of the models' plant.
 fn other_sign(subject: &Subject<'_>, control: &ControlSpec, step_s: f64) -> Option<Finding> {
     let controlled = subject.controlled();
     let gain = |plant: &dyn DynRhs, point: &OperatingPoint| {
         StateSpace::tangent(plant, point, &controlled)?.static_gain()
     };
-    let plants = subject.experiment.plants_in_the_loop(step_s);
+    let plants = plants(subject, step_s);
     subject.steady_points().into_iter().find_map(|(name, point)| {
         let of_model = gain(subject.plant, point)?;
         plants.iter().find_map(|plant| {
@@ -90,7 +97,7 @@ struct Case {
 
 /// All of them that the plant of the models can hold, each value once per plant.
 fn cases(subject: &Subject<'_>, control: &ControlSpec, step_s: f64) -> Vec<Case> {
-    let plants = subject.experiment.plants_in_the_loop(step_s);
+    let plants = plants(subject, step_s);
     #[expect(clippy::cast_precision_loss, reason = "no loop has 2^53 steps")]
     let mut starts: Vec<f64> = plants.iter().map(|p| p.from_step as f64 * step_s).collect();
     starts.push(control.duration_s);

@@ -36,6 +36,12 @@ impl PartialEq for AsWritten {
 }
 
 impl AsWritten {
+    /// These and others, which are put back later.
+    pub(crate) fn and(mut self, later: Vec<(String, Value)>) -> Self {
+        self.0.extend(later);
+        self
+    }
+
     /// Puts these lists back, so that arrays of another size can have them.
     pub(crate) fn restore(&self, table: &mut Table) {
         for (key, value) in &self.0 {
@@ -293,7 +299,8 @@ impl Lists<'_> {
                 }
                 Value::Array(elements) => {
                     let (found, expected) = (elements.len(), group.len());
-                    let problem = Problem::Length { found, expected, per: "element of the array" };
+                    let (per, names) = ("element of the array", Vec::new());
+                    let problem = Problem::Length { found, expected, per, names };
                     return Err((in_errors(&format!("{key}.{i}")), problem));
                 }
                 number => all.extend(std::iter::repeat_n(number.clone(), group.len())),

@@ -1,7 +1,7 @@
 //! The `[control]` section.
 
 use crate::estimator::{EstimatorSpec, MeasurementSpec};
-use crate::{CostSpec, LoadSpec, ModelKind, ParameterStep, PlantSpec, Variables};
+use crate::{BoundStep, CostSpec, LoadSpec, ModelKind, ParameterStep, PlantSpec, Variables};
 use pinc_mpc::{Bounds, NmpcProblem, Softness, SqpConfig, Tracked, Weight, Weights};
 use pinc_ode::Variable;
 use serde::{Deserialize, Serialize};
@@ -37,9 +37,15 @@ pub struct ControlSpec {
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub measured_parameters: Vec<String>,
     /// Other values of the models' parameters in parts of the run: what the controller is told.
+    /// Functions of t and columns of a file may take the place of the list.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub parameter_schedule: Vec<ParameterStep>,
-    /// Other values of the plant's parameters in parts of the run: what is true.
+    /// Whether the controller knows the parameters of later steps in advance: those of
+    /// `parameter_schedule`, or of `plant_schedule` if they are measured.
+    #[serde(default, skip_serializing_if = "is_false")]
+    pub parameter_preview: bool,
+    /// Other values of the plant's parameters in parts of the run: what is true. Functions of t and
+    /// columns of a file may take the place of the list.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub plant_schedule: Vec<ParameterStep>,
     /// Loads on the plant in the loop, of which no model knows.
@@ -117,6 +123,10 @@ pub struct ControlSpec {
     /// absent.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub increment_high: Option<Vec<f64>>,
+    /// Other bounds in parts of the run, of quantities that have bounds. Functions of t and columns
+    /// of a file may take the place of the list.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub bound_schedule: Vec<BoundStep>,
     /// Dead time of the inputs in whole control steps.
     #[serde(default)]
     pub delay_steps: usize,
@@ -158,7 +168,8 @@ pub struct ControlSpec {
     /// Length T of a control step in s. It is needed where no `[model]` says it.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub step_s: Option<f64>,
-    /// Reference of the controlled quantities, piecewise constant.
+    /// Reference of the controlled quantities, piecewise constant. Functions of t and columns of a
+    /// file may take the place of the list.
     #[serde(default)]
     pub references: Vec<ReferenceStep>,
     /// Parts of the run, each `[from, to]` in s, that the report shows enlarged; if there are none,
@@ -233,6 +244,19 @@ impl ControlSpec {
         widths.map(|width| if width.is_finite() { width } else { 0.0 }).collect()
     }
 
+    /// A bound by its key and its place; infinite if there is none.
+    pub(crate) fn bound(&self, key: &str, place: usize) -> f64 {
+        let side = match key {
+            "state_low" => self.state_low.as_deref(),
+            "state_high" => self.state_high.as_deref(),
+            "output_low" => self.output_low.as_deref(),
+            "output_high" => self.output_high.as_deref(),
+            "input_low" => Some(&self.input_low[..]),
+            _ => Some(&self.input_high[..]),
+        };
+        side.and_then(|side| side.get(place).copied()).unwrap_or(f64::INFINITY)
+    }
+
     /// The bounds of all outputs, those that are states among them, which have none here.
     fn output_bounds(&self, variables: &Variables) -> Option<Bounds> {
         if self.output_low.is_none() && self.output_high.is_none() {
@@ -297,6 +321,11 @@ pub(crate) fn is_no_weight(weight: &Weight) -> bool {
 
 fn yes() -> bool {
     true
+}
+
+#[expect(clippy::trivially_copy_pass_by_ref, reason = "as serde calls it")]
+fn is_false(of: &bool) -> bool {
+    !of
 }
 
 /// One step in twenty.

@@ -13,9 +13,10 @@ use crate::plants::Plants;
 use crate::prediction::PredictionSpec;
 use crate::presets::Preset;
 use crate::problem::{ConfigError, Problem};
+use crate::sampled;
 use crate::sweep::SweepSpec;
-use crate::time_unit::TimeUnit;
 use crate::training::{Effort, TrainingSpec};
+use pinc_expr::TimeUnit;
 use pinc_net::{Domain, NetConfig, ValidationConfig};
 use pinc_ode::Dims;
 use serde::{Deserialize, Serialize};
@@ -38,8 +39,9 @@ pub struct Experiment {
     pub preset: Preset,
     /// The seed from which every random draw follows.
     pub seed: u64,
-    /// The unit in which reports show times of the plant; if absent, the unit that makes each time
-    /// a small number. Keys and tables stay in seconds.
+    /// The unit in which reports show times of the plant; if absent, the unit of the plant's
+    /// equations, or else the unit that makes each time a small number. Keys and tables stay in
+    /// seconds.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub time_unit: Option<TimeUnit>,
     /// The plant, with its parameters.
@@ -77,7 +79,7 @@ pub struct Experiment {
     /// The plants that the config may name, for the trials of a sweep.
     #[serde(skip)]
     plants: Plants,
-    /// The lists for a plant with arrays, for the trials of a sweep.
+    /// Lists for a plant with arrays and schedules as they were written, for the trials of a sweep.
     #[serde(skip)]
     as_written: AsWritten,
 }
@@ -94,7 +96,8 @@ pub struct LoopParameters<'a> {
 }
 
 impl Experiment {
-    /// Reads a config file, with the values of `sets` (`key.path=value`, as TOML) over its own.
+    /// Reads a config file with the overrides `sets`: `key.path=value`, as TOML, puts a value over
+    /// its own, and `--unset key.path` takes a key away.
     /// Its plant is a built-in one, one of `plants`, or written in the file.
     ///
     /// # Errors
@@ -143,7 +146,8 @@ impl Experiment {
 
     /// The experiment of a resolved table, checked; or the key and what is wrong with its value.
     fn from_table(mut table: Table, plants: &Plants) -> Result<Self, (String, Problem)> {
-        let as_written = arrays::write_out(&mut table, plants)?;
+        let schedules = sampled::write_out(&mut table)?;
+        let as_written = arrays::write_out(&mut table, plants)?.and(schedules);
         let mut experiment = Self::deserialized(table)?;
         experiment.as_written = as_written;
         experiment.plants = plants.clone();
@@ -153,6 +157,7 @@ impl Experiment {
             plant.bind(plants);
         }
         experiment.share_parameters();
+        experiment.time_unit = experiment.time_unit.or(experiment.plant.time_unit());
         experiment.validate()?;
         experiment.choose_optimizers();
         Ok(experiment)
@@ -163,7 +168,8 @@ impl Experiment {
         Table::try_from(self).expect("the values have a form in TOML")
     }
 
-    /// The experiment as a table, with lists for a plant with arrays as they were written.
+    /// The experiment as a table, with lists for a plant with arrays and schedules as they were
+    /// written.
     pub(crate) fn to_table_as_written(&self) -> Table {
         let mut table = self.to_table();
         self.as_written.restore(&mut table);

@@ -1,4 +1,4 @@
-//! From a TOML file, a preset's defaults and `--set` arguments to one table of values, every one of
+//! From a TOML file, a preset's defaults, `--set` and `--unset` to one table of values, every one of
 //! which knows where it was written.
 
 use crate::presets::Preset;
@@ -19,7 +19,7 @@ pub(crate) struct Layers {
     path: PathBuf,
     text: String,
     preset: Preset,
-    /// The arguments of the `--set`s.
+    /// The overrides, as they were given.
     arguments: Vec<String>,
 }
 
@@ -35,7 +35,7 @@ enum Source {
     File,
     /// The part of the file that is the preset's own.
     Difference,
-    /// The `--set` of this number.
+    /// The override of this number.
     Set(usize),
     /// The defaults of the preset.
     Preset,
@@ -43,18 +43,18 @@ enum Source {
 
 impl Layers {
     /// Lays over one another: the defaults of the chosen preset for those sections that the file or
-    /// a `--set` mentions, the file's own tables, its `[presets.<chosen>]` tables, the `--set`s.
-    /// Tables are merged, everything else is replaced.
+    /// a `--set` mentions, the file's own tables, its `[presets.<chosen>]` tables, the overrides in
+    /// their order. Tables are merged, everything else is replaced.
     pub(crate) fn resolve(path: &Path, text: &str, sets: &[String]) -> Result<Self, ConfigError> {
         let mut file = parse(path, text)?;
-        let sets = sets.iter().map(|s| Setting::parse(s)).collect::<Result<Vec<_>, _>>()?;
+        let sets = sets.iter().map(|s| Override::parse(s)).collect::<Result<Vec<_>, _>>()?;
         let origin = |key: &str| Origin::File { path: path.to_owned(), line: line_of(text, key) };
         not_a_list(&file, &origin)?;
         let preset = chosen_preset(&file, &sets, &origin)?;
         let differences = take_differences(&mut file, preset, &origin)?;
 
         let mentioned: BTreeSet<&str> = (file.keys().chain(differences.keys()).map(String::as_str))
-            .chain(sets.iter().map(|s| s.key.split('.').next().unwrap_or_default()))
+            .chain(sets.iter().filter_map(Override::section))
             .collect();
         let mut defaults = preset.defaults();
         defaults.retain(|section, _| mentioned.contains(section));
@@ -70,8 +70,12 @@ impl Layers {
         lay(&mut layers.table, defaults, "", &mut layers.origins, Source::Preset);
         lay(&mut layers.table, file, "", &mut layers.origins, Source::File);
         lay(&mut layers.table, differences, "", &mut layers.origins, Source::Difference);
-        for (number, set) in sets.into_iter().enumerate() {
-            layers.assign(number, set)?;
+        for (number, Override { argument, key, value }) in sets.into_iter().enumerate() {
+            let problem = match value {
+                Some(value) => layers.assign(number, &key, value).map_err(SetProblem::Path),
+                None => layers.take_away(&key).map_err(SetProblem::Absent),
+            };
+            problem.map_err(|problem| ConfigError::Set { argument, problem })?;
         }
         Ok(layers)
     }
@@ -128,9 +132,9 @@ impl Layers {
         table.iter().find_map(of)
     }
 
-    /// Puts a value in place of what is there; a table has the preset's defaults beneath it.
-    fn assign(&mut self, number: usize, set: Setting) -> Result<(), ConfigError> {
-        let Setting { argument, key, value } = set;
+    /// Puts a value in place of what is there; a table has the preset's defaults beneath it. Returns
+    /// as much of the path as leads to something that holds no keys, if it does.
+    fn assign(&mut self, number: usize, key: &str, value: Value) -> Result<(), String> {
         let mut beneath = Some(Value::Table(self.preset.defaults())).filter(|_| value.is_table());
         for key in key.split('.') {
             beneath = beneath.and_then(|value| match value {
@@ -143,15 +147,21 @@ impl Layers {
             let over = std::mem::replace(whole, beneath);
             lay(whole, over, "", &mut Origins::new(), Source::Preset);
         }
-        match assign(&mut self.table, &key, whole.clone()) {
-            Ok((path, old)) => {
-                forget(&mut self.origins, &path, &old);
-                note(&mut self.origins, &path, &whole, Source::Preset);
-                note(&mut self.origins, &path, &value, Source::Set(number));
-                Ok(())
-            }
-            Err(path) => Err(ConfigError::Set { argument, problem: SetProblem::Path(path) }),
-        }
+        let (path, old) = assign(&mut self.table, key, whole.clone())?;
+        forget(&mut self.origins, &path, &old);
+        note(&mut self.origins, &path, &whole, Source::Preset);
+        note(&mut self.origins, &path, &value, Source::Set(number));
+        Ok(())
+    }
+
+    /// Takes a key away, wherever it was written. Returns the key if there is none.
+    fn take_away(&mut self, key: &str) -> Result<(), String> {
+        let (parents, last) = key.rsplit_once('.').unwrap_or(("", key));
+        let mut keys = parents.split('.').filter(|key| !key.is_empty());
+        let table = keys.try_fold(&mut self.table, |table, key| table.get_mut(key)?.as_table_mut());
+        let old = table.and_then(|table| table.remove(last)).ok_or_else(|| key.to_owned())?;
+        forget(&mut self.origins, key, &old);
+        Ok(())
     }
 }
 
@@ -334,12 +344,12 @@ fn not_a_list(file: &Table, in_file: &dyn Fn(&str) -> Origin) -> Result<(), Conf
 
 fn chosen_preset(
     file: &Table,
-    sets: &[Setting],
+    sets: &[Override],
     in_file: &dyn Fn(&str) -> Origin,
 ) -> Result<Preset, ConfigError> {
     let set = sets.iter().rev().find(|s| s.key == "preset");
     let (value, origin) = match set {
-        Some(set) => (Some(&set.value), Some(Origin::Set(set.argument.clone()))),
+        Some(set) => (set.value.as_ref(), Some(Origin::Set(set.argument.clone()))),
         None => (file.get("preset"), None),
     };
     let problem = match value {
@@ -397,31 +407,49 @@ fn take_differences(
     }
 }
 
-/// One `--set key.path=value`.
+/// The option that takes a key away.
+const UNSET: &str = "--unset ";
+
+/// One `--set key.path=value`, or one `--unset key.path`, which has no value.
 #[derive(Debug)]
-struct Setting {
+struct Override {
+    /// As errors show it.
     argument: String,
     key: String,
-    value: Value,
+    value: Option<Value>,
 }
 
-impl Setting {
-    fn parse(argument: &str) -> Result<Self, ConfigError> {
-        let fail = |problem| ConfigError::Set { argument: argument.to_owned(), problem };
-        let (key, text) = argument.split_once('=').ok_or_else(|| fail(SetProblem::NoKey))?;
+impl Override {
+    fn parse(text: &str) -> Result<Self, ConfigError> {
+        let argument = if text.starts_with(UNSET) { text.into() } else { format!("--set {text}") };
+        let fail = |problem| ConfigError::Set { argument: argument.clone(), problem };
+        let (key, text) = match text.strip_prefix(UNSET) {
+            Some(key) => (key, None),
+            None => {
+                let (key, text) = text.split_once('=').ok_or_else(|| fail(SetProblem::NoKey))?;
+                (key, Some(text))
+            }
+        };
         let keys: Vec<_> = key.split('.').map(str::trim).collect();
         if keys.iter().any(|key| key.is_empty()) {
             return Err(fail(SetProblem::NoKey));
         }
+        let key = keys.join(".");
+        let Some(text) = text else { return Ok(Self { argument, key, value: None }) };
         let value = match format!("value = {text}").parse::<Table>() {
             Ok(mut table) if table.len() == 1 => table.remove("value"),
             Ok(_) => None,
             Err(_) if is_bare_word(text.trim()) => Some(Value::String(text.trim().to_owned())),
             Err(error) => return Err(fail(SetProblem::Value(error.message().to_owned()))),
         };
-        let value =
-            value.ok_or_else(|| fail(SetProblem::Value("one value expected".to_owned())))?;
-        Ok(Self { argument: argument.to_owned(), key: keys.join("."), value })
+        let one = || fail(SetProblem::Value("one value expected".to_owned()));
+        let value = Some(value.ok_or_else(one)?);
+        Ok(Self { argument, key, value })
+    }
+
+    /// The section that it mentions, if it gives a value there.
+    fn section(&self) -> Option<&str> {
+        self.value.as_ref().and(self.key.split('.').next())
     }
 }
 

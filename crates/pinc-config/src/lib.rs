@@ -29,13 +29,13 @@ mod prediction;
 mod presets;
 mod problem;
 mod registry;
+mod sampled;
 mod schedule;
 mod search;
 mod sharing;
 mod slurm;
 mod stages;
 mod sweep;
-mod time_unit;
 mod training;
 mod trial;
 mod validate;
@@ -56,6 +56,7 @@ pub use list::{ListedRun, RunList};
 pub use load::{LoadSpec, PlantInTheLoop};
 pub use model_kind::ModelKind;
 pub use one_step::OneStepSpec;
+pub use pinc_expr::TimeUnit;
 pub use plant::{
     BuiltInSpec, FourTanksParameters, FourTanksSpec, OwnPlantSpec, PlantSpec, VanDerPolSpec,
 };
@@ -64,12 +65,11 @@ pub use prediction::PredictionSpec;
 pub use presets::Preset;
 pub use problem::{ConfigError, Origin, Problem, SetProblem};
 pub use registry::Variables;
-pub use schedule::{ParameterStep, Schedule};
+pub use schedule::{BoundStep, ParameterStep, Schedule};
 pub use search::{HalvingSpec, SearchRange, SearchSpec};
 pub use sharing::nets_of_parameters;
 pub use slurm::SlurmSpec;
 pub use sweep::{AxisSpec, CaseSpec, DrawsSpec, RangeSpec, SweepSpec};
-pub use time_unit::TimeUnit;
 pub use training::{Effort, TrainingSpec};
 pub use trial::{
     CANDIDATE, CASE, DRAW, DRAWN, SEED, SearchPlace, Trial, cell_columns, columns, sweep_models,

@@ -51,10 +51,10 @@ impl Experiment {
         let schedule = self.plant_schedule(sample_time_s);
         let names: Vec<&str> = schedule.names.iter().map(String::as_str).collect();
         let plant = self.plant_in_the_loop().family(&names).to_shared();
-        if loads.is_empty() && schedule.values.is_empty() {
+        if loads.is_empty() && schedule.values.is_none() {
             return vec![PlantInTheLoop { from_step: 0, plant }];
         }
-        let scheduled = schedule.values.iter().map(|(step, _)| *step);
+        let scheduled = schedule.values.iter().flat_map(|values| values.starts()).copied();
         let ends = loads.iter().flat_map(|load| [Some(load.start_s), load.end_s]).flatten();
         let changes = ends.map(|seconds| step_at(seconds, sample_time_s)).chain(scheduled);
         let last = self.control.as_ref().map_or(0, |c| steps(c.duration_s, sample_time_s));

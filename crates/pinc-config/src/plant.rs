@@ -2,7 +2,7 @@
 
 use crate::black_box::{FmuSpec, ProcessSpec};
 use crate::plants::{MakePlant, Plants};
-use pinc_expr::{Equations, PlantEquations};
+use pinc_expr::{Equations, PlantEquations, TimeUnit};
 use pinc_plants::{
     AcetoneColumn, AcetoneStill, FourTanks, HydraulicServo, OneTank, SingleTrackCar, TwoLinkArm,
     VanDerPol,
@@ -75,6 +75,12 @@ impl PlantSpec {
             Self::SingleTrackCar(_) => "single-track-car",
             Self::TwoLinkArm(_) => "two-link-arm",
         }
+    }
+
+    /// The unit of time of the plant's equations, where a config says it; they are in s otherwise.
+    #[must_use]
+    pub fn time_unit(&self) -> Option<TimeUnit> {
+        if let Self::Expression(equations) = self { equations.time_unit } else { None }
     }
 
     /// The plant's equations; `None` for a plant that another program simulates, and for one of a

@@ -28,10 +28,10 @@ pub enum ConfigError {
         /// What the parser says.
         message: String,
     },
-    /// A `--set` that cannot be applied.
-    #[error("--set {argument}: {problem}")]
+    /// A `--set` or `--unset` that cannot be applied.
+    #[error("{argument}: {problem}")]
     Set {
-        /// The argument, as given.
+        /// The option with its argument.
         argument: String,
         /// What is wrong with it.
         problem: SetProblem,
@@ -58,7 +58,7 @@ pub enum Origin {
         /// The line, from 1.
         line: usize,
     },
-    /// In a `--set` argument.
+    /// In a `--set`, or where an `--unset` took it away: the option with its argument.
     Set(String),
     /// In the built-in defaults of a preset.
     Preset(&'static str),
@@ -68,13 +68,13 @@ impl fmt::Display for Origin {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::File { path, line } => write!(f, "{}:{line}", path.display()),
-            Self::Set(argument) => write!(f, "--set {argument}"),
+            Self::Set(argument) => write!(f, "{argument}"),
             Self::Preset(name) => write!(f, "built-in preset {name}"),
         }
     }
 }
 
-/// A problem with a `--set` argument.
+/// A problem with a `--set` or `--unset` argument.
 #[derive(Debug, Error)]
 #[non_exhaustive]
 pub enum SetProblem {
@@ -87,6 +87,9 @@ pub enum SetProblem {
         quotes): {0}"
     )]
     Value(String),
+    /// No such key is to be taken away.
+    #[error("there is no key `{0}`; expected one that the config or its preset has")]
+    Absent(String),
     /// The path leads through something that holds no keys.
     #[error("`{0}` is not a table, or has no such element")]
     Path(String),
@@ -132,7 +135,7 @@ pub enum Problem {
         expected: String,
     },
     /// A list of the wrong length.
-    #[error("{found} values given, expected {expected}, one per {per}")]
+    #[error("{found} values given, expected {expected}{}", entries(.names, .per))]
     Length {
         /// The length it has.
         found: usize,
@@ -140,6 +143,8 @@ pub enum Problem {
         expected: usize,
         /// What there is one of each for.
         per: &'static str,
+        /// The names of those, in order, where they have names.
+        names: Vec<String>,
     },
     /// What is wrong with one trial of a sweep.
     #[error("in the trial with {trial}: `{key}`: {problem}")]
@@ -162,6 +167,14 @@ pub enum Problem {
     /// A section that the run needs.
     #[error("this section is missing; {0}")]
     Section(&'static str),
+}
+
+/// What a list has one value for.
+fn entries(names: &[String], per: &str) -> String {
+    match names {
+        [] => format!(", one per {per}"),
+        names => format!(": {}", Variable::grouped_names(names).join(", ")),
+    }
 }
 
 fn one_of(known: &[String]) -> String {

@@ -1,7 +1,9 @@
-//! Parameters that change during a closed loop.
+//! What changes during a closed loop: parameters and bounds.
 
 use crate::experiment::step_at;
-use crate::{Experiment, PlantSpec};
+use crate::sampled::BOUNDS;
+use crate::{ControlSpec, Experiment, PlantSpec, Variables};
+use pinc_mpc::{BoundSchedule, MpcError, NmpcProblem, Timetable};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
@@ -15,14 +17,93 @@ pub struct ParameterStep {
     pub values: BTreeMap<String, f64>,
 }
 
+/// New bounds of some states, inputs and outputs, by name; other bounds stay as they are.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct BoundStep {
+    /// Time in s from which on the bounds hold.
+    pub start_s: f64,
+    /// Lower bounds of states.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub state_low: BTreeMap<String, f64>,
+    /// Upper bounds of states.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub state_high: BTreeMap<String, f64>,
+    /// Lower bounds of inputs.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub input_low: BTreeMap<String, f64>,
+    /// Upper bounds of inputs.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub input_high: BTreeMap<String, f64>,
+    /// Lower bounds of outputs that are no states.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub output_low: BTreeMap<String, f64>,
+    /// Upper bounds of outputs that are no states.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub output_high: BTreeMap<String, f64>,
+}
+
+impl BoundStep {
+    /// The bounds with the names of their keys, in the order of the rows of a [`BoundSchedule`].
+    pub(crate) fn sides(&self) -> [(&'static str, &BTreeMap<String, f64>); 6] {
+        let sides = [
+            &self.state_low,
+            &self.input_low,
+            &self.output_low,
+            &self.state_high,
+            &self.input_high,
+            &self.output_high,
+        ];
+        std::array::from_fn(|i| (BOUNDS[i], sides[i]))
+    }
+}
+
+impl ControlSpec {
+    /// How the bounds of `problem` change, if they do.
+    ///
+    /// # Errors
+    ///
+    /// [`MpcError`] if there are other bounds than the problem has, or a lower one is above its
+    /// upper one.
+    pub fn bound_schedule(
+        &self,
+        problem: &NmpcProblem,
+        variables: &Variables,
+        sample_time_s: f64,
+    ) -> Result<Option<BoundSchedule>, MpcError> {
+        if self.bound_schedule.is_empty() {
+            return Ok(None);
+        }
+        let dims = variables.dims();
+        let mut outputs: Vec<String> = variables.output_names();
+        if problem.output_bounds.is_none() {
+            outputs.clear();
+        }
+        let side = [variables.state_names(), variables.input_names(), outputs];
+        let parts: Vec<&[String]> = side.iter().chain(&side).map(|names| &names[..]).collect();
+        let mut row = BoundSchedule::row(problem, dims);
+        let mut rows = vec![(0, row.clone())];
+        for step in &self.bound_schedule {
+            let given = step.sides().into_iter().zip(&parts);
+            let values = given.flat_map(|((_, given), names)| names.iter().map(|n| given.get(n)));
+            for (value, new) in row.iter_mut().zip(values) {
+                *value = new.copied().unwrap_or(*value);
+            }
+            let start = step_at(step.start_s, sample_time_s);
+            push(&mut rows, start, &row);
+        }
+        let rows = Timetable::new(row.len(), rows)?;
+        BoundSchedule::new(rows, problem, dims).map(Some)
+    }
+}
+
 /// The values of parameters over the steps of a closed loop.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Schedule {
     /// Their names.
     pub names: Vec<String>,
-    /// From which step on they have which values, by steps, the first from 0; nothing if they never
-    /// change.
-    pub values: Vec<(usize, Vec<f64>)>,
+    /// Their values; nothing if they never change.
+    pub values: Option<Timetable>,
 }
 
 impl Schedule {
@@ -41,22 +122,31 @@ impl Schedule {
             for (name, value) in names.iter().zip(&mut values) {
                 *value = change.values.get(name).copied().unwrap_or(*value);
             }
-            all.push((step_at(change.start_s, sample_time_s), values.clone()));
+            let start = step_at(change.start_s, sample_time_s);
+            push(&mut all, start, &values);
         }
-        Self { names, values: all }
+        // The config was checked for times that increase.
+        let values = Timetable::new(names.len(), all).ok();
+        Self { names, values }
     }
 
     /// The values that hold in `step`; none if they never change.
     pub(crate) fn at(&self, step: usize) -> &[f64] {
-        let found = self.values.iter().rfind(|(start, _)| *start <= step);
-        found.map_or(&[], |(_, values)| values)
+        self.values.as_ref().map_or(&[], |values| values.at(step))
     }
 
     /// The values that begin at `step`, if any do.
     #[must_use]
     pub fn beginning(&self, step: usize) -> Option<&[f64]> {
-        let found = self.values.iter().rfind(|(start, _)| *start == step);
-        found.map(|(_, values)| &values[..])
+        self.values.as_ref()?.beginning(step)
+    }
+}
+
+/// Adds a row that begins at a step, where it takes the place of one that begins there too.
+fn push(rows: &mut Vec<(usize, Vec<f64>)>, start: usize, row: &[f64]) {
+    match rows.last_mut() {
+        Some((last, values)) if *last == start => values.copy_from_slice(row),
+        _ => rows.push((start, row.to_vec())),
     }
 }
 

@@ -4,6 +4,7 @@
 //! - [`Equations`]: a plant as text; [`Equations::compile`] makes a [`pinc_ode::Plant`] of it.
 //! - [`PlantEquations`]: equations from text or from a plant in Rust, as a graph of values in which
 //!   each value is computed once.
+//! - [`TimeFunction`]: a function of the time as text.
 //! - [`Listing`]: the right-hand side as instructions, for generated code.
 //! - [`AlgebraicEquations`]: algebraic variables, solved by Newton's method in a box.
 //! - [`CriticalTerms`]: divisors and arguments on which it depends where an equation is smooth.
@@ -31,6 +32,8 @@ mod rust_plant;
 mod source;
 mod structure;
 mod text_plant;
+mod time_function;
+mod time_unit;
 mod traced;
 
 pub use algebraic::{AlgebraicVariable, Start};
@@ -42,6 +45,8 @@ pub use listing::{Instruction, Listing};
 pub use roots::{AlgebraicEquations, AlgebraicRoot, Unsolved, UnsolvedReason};
 pub use rust_plant::into_dyn;
 pub use source::PlantEquations;
+pub use time_function::TimeFunction;
+pub use time_unit::TimeUnit;
 
 use algebraic::Algebraic;
 use graph::{Graph, Value};
@@ -104,7 +109,11 @@ pub struct Equations {
     /// Named expressions, for use in others; their order does not matter.
     #[serde(default, rename = "let", skip_serializing_if = "BTreeMap::is_empty")]
     pub intermediates: BTreeMap<String, String>,
-    /// The time derivative of each state, in its unit per second.
+    /// The unit of time of the equations: derivatives are per hour where it is `"h"`; if absent, per
+    /// second. Reports then show times in it, unless the config says otherwise.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub time_unit: Option<TimeUnit>,
+    /// The time derivative of each state, in its unit per second, or per `time_unit`.
     pub derivatives: BTreeMap<String, String>,
     /// The algebraic variables, each with an equation: a differential-algebraic system of index 1.
     /// They are outputs too.
@@ -347,6 +356,10 @@ impl Equations {
             let output = self.outputs.get(name.as_ref());
             let text = output.map_or(name.as_ref(), |output| &output.expression);
             outputs.push(parse(format!("outputs.{name}"), text)?);
+        }
+        if let Some(unit) = self.time_unit.filter(|unit| *unit != TimeUnit::S) {
+            let per_second = graph.constant(1.0 / unit.seconds());
+            derivatives.iter_mut().for_each(|value| *value = graph.mul(*value, per_second));
         }
         self.check_parameters_are_used()?;
         let mut all = PlantGraph {

@@ -6,7 +6,8 @@ use crate::observer::Watch;
 use crate::reference::steps_until;
 use crate::violation::{Bounded, Violation, Violations};
 use crate::{
-    Constraint, MpcError, Nmpc, Observer, PlantNow, Reference, SqpStatus, StepWork, Tracked, Trust,
+    BoundSchedule, Constraint, MpcError, Nmpc, Observer, PlantNow, Reference, SqpStatus, StepWork,
+    Timetable, Tracked, Trust,
 };
 use pinc_ode::metrics::Tracking;
 use pinc_ode::{Simulator, Trajectory};
@@ -72,6 +73,10 @@ pub struct ClosedLoop<'a> {
     last: usize,
     errors: LoopErrors,
     violations: Violations,
+    /// Bounds that change.
+    bounds: Option<BoundSchedule>,
+    /// The parameters of the model, where the controller knows them in advance.
+    parameters: Option<Timetable>,
     /// Which outputs may depend on the input.
     feedthrough: Vec<bool>,
 }
@@ -150,6 +155,8 @@ impl<'a> ClosedLoop<'a> {
             last: 0,
             errors: LoopErrors::new(outputs),
             violations: Violations::new(nmpc.problem(), dims),
+            bounds: None,
+            parameters: None,
             feedthrough: nmpc.model().feedthrough(),
             nmpc,
             plant,
@@ -181,7 +188,21 @@ impl<'a> ClosedLoop<'a> {
         Ok(self)
     }
 
-    /// Hides future references from the controller: it takes the present value for all later ones.
+    /// Lets bounds change with the steps.
+    #[must_use]
+    pub fn with_bounds(self, bounds: BoundSchedule) -> Self {
+        Self { bounds: Some(bounds), ..self }
+    }
+
+    /// Gives the model the parameters of `p` step by step, and lets the controller know those of the
+    /// steps ahead.
+    #[must_use]
+    pub fn with_known_parameters(self, p: Timetable) -> Self {
+        Self { parameters: Some(p), ..self }
+    }
+
+    /// Hides future references and bounds from the controller: it takes the present values for all
+    /// later ones.
     #[must_use]
     pub fn without_preview(self) -> Self {
         Self { preview: false, ..self }
@@ -269,6 +290,12 @@ impl<'a> ClosedLoop<'a> {
         }
         let delay = self.nmpc.problem().delay;
         self.write_window(self.done);
+        if let Some(bounds) = &self.bounds {
+            self.nmpc.set_bounds_at(bounds, self.done, self.preview);
+        }
+        if let Some(p) = &self.parameters {
+            self.nmpc.set_parameters_ahead(p, self.done)?;
+        }
         self.observe()?;
         let seen = self.watch.as_ref().map_or(&self.x, |watch| &watch.x);
         check_finite("x", seen, seen.len())?;
@@ -511,6 +538,9 @@ impl ClosedLoop<'_> {
         before.copy_from_slice(acted);
         acted.copy_from_slice(u);
         self.last_step.push(time(0), &self.x, u);
+        if let Some(bounds) = &self.bounds {
+            self.violations.set_bounds_at(bounds, done);
+        }
         self.watch_start(u);
         let (reference, tracked) = (self.reference_at(0).to_vec(), self.tracked_at(0));
         match done {

@@ -47,8 +47,17 @@ pub(crate) struct Curvature {
 pub(crate) struct At<'a> {
     pub(crate) x0: &'a [f64],
     pub(crate) plan: &'a Solution,
+    /// p of each stage, `[N, np]`; at the end of the horizon the last ones hold.
     pub(crate) p: &'a [f64],
     pub(crate) units: &'a Units,
+}
+
+impl At<'_> {
+    /// p of a stage.
+    fn parameters(&self, dims: OcpDims, stage: usize) -> &[f64] {
+        let (np, stage) = (self.p.len() / dims.horizon, stage.min(dims.horizon - 1));
+        &self.p[stage * np..(stage + 1) * np]
+    }
 }
 
 impl Curvature {
@@ -84,9 +93,6 @@ impl Curvature {
         judges: bool,
         expired: &mut dyn FnMut() -> bool,
     ) -> Option<bool> {
-        for p in self.p.chunks_exact_mut(at.p.len().max(1)) {
-            p.copy_from_slice(at.p);
-        }
         for stage in 0..=self.dims.horizon {
             if expired() {
                 return None;
@@ -110,6 +116,8 @@ impl Curvature {
         let (n, m) = (dims.nx, dims.nu);
         let x = dims.state(stage).map_or(at.x0, |state| &at.plan.z[state]);
         let u = &at.plan.z[dims.input(dims.acting(stage))];
+        let p = at.parameters(dims, stage);
+        self.p.chunks_exact_mut(p.len().max(1)).for_each(|point| point.copy_from_slice(p));
         self.x.chunks_exact_mut(n).for_each(|point| point.copy_from_slice(x));
         self.u.chunks_exact_mut(m).for_each(|point| point.copy_from_slice(u));
         for i in 0..s {
@@ -136,7 +144,8 @@ impl Curvature {
         let (n, m) = (self.dims.nx, self.dims.nu);
         let Self { x, u, by_x, by_u, block, model, .. } = self;
         let time_s = terms.time_s(stage);
-        let points = StagePoint { stage, time_s, x, u, p: at.p };
+        let p = at.parameters(self.dims, stage);
+        let points = StagePoint { stage, time_s, x, u, p };
         terms.gradients(points, block, [by_x, by_u]);
         if stage == self.dims.horizon {
             return;

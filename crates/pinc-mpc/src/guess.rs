@@ -27,14 +27,16 @@ impl Guess {
             Self::Held => (1, 0),
             Self::Warm { fallback } => (2, usize::from(fallback)),
             Self::Tentative { waited } => (3, waited),
+            Self::Given => (4, 0),
         };
-        memory.count(&mut kind, 3);
+        memory.count(&mut kind, 4);
         memory.count(&mut detail, usize::MAX);
         *self = match kind {
             0 => Self::Cold,
             1 => Self::Held,
             2 => Self::Warm { fallback: detail == 1 },
-            _ => Self::Tentative { waited: detail },
+            3 => Self::Tentative { waited: detail },
+            _ => Self::Given,
         };
     }
 }

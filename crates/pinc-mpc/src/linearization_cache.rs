@@ -17,10 +17,12 @@ pub(crate) struct LinearizationCache {
     input: Points,
     /// The first and the last stage.
     ends: StageBlocks,
-    /// p at each stage, `[stages, np]`; always the same.
+    /// p at each stage, `[stages, np]`.
     parameters: Vec<f64>,
     /// The numbers of stages and of parameters.
     counts: [usize; 2],
+    /// Whether p is the same at all stages.
+    one_p: bool,
     /// Whether there are numbers in `stages`.
     known: bool,
     /// At how many stages the model has been asked.
@@ -53,6 +55,7 @@ impl LinearizationCache {
             stages: StageBlocks::new(dims, dims.horizon),
             input: Points::new(dims, dims.horizon),
             ends: StageBlocks::new(dims, 2),
+            one_p: true,
             known: false,
             evaluated: 0,
         }
@@ -64,9 +67,24 @@ impl LinearizationCache {
         [next, a, b]
     }
 
-    /// p
-    pub(crate) fn parameters(&self) -> &[f64] {
-        &self.parameters[..self.counts[1]]
+    /// p at each stage, `[N, np]`.
+    pub(crate) fn stage_parameters(&self) -> &[f64] {
+        &self.parameters[..self.dims.horizon * self.counts[1]]
+    }
+
+    /// Sets p at each stage; whether it changed, by which what is known is no longer so.
+    pub(crate) fn set_stage_parameters<'p>(&mut self, of: impl Fn(usize) -> &'p [f64]) -> bool {
+        let (mut changed, last) = (false, self.dims.horizon - 1);
+        let rows = self.parameters.chunks_exact_mut(self.counts[1].max(1));
+        for (stage, row) in rows.enumerate() {
+            let p = of(stage.min(last));
+            changed |= row.iter().zip(p).any(|(old, new)| old.to_bits() != new.to_bits());
+            row.copy_from_slice(p);
+        }
+        let width = self.counts[1];
+        self.one_p = self.parameters[width..] == self.parameters[..self.parameters.len() - width];
+        self.known &= !changed;
+        changed
     }
 
     /// Sets p, by which what is known is no longer so.
@@ -74,6 +92,7 @@ impl LinearizationCache {
         for parameters in self.parameters.chunks_exact_mut(self.counts[1].max(1)) {
             parameters.copy_from_slice(p);
         }
+        self.one_p = true;
         self.known = false;
     }
 
@@ -98,7 +117,7 @@ impl LinearizationCache {
             u.copy_from_slice(&z[dims.input(dims.acting(j))]);
         }
         // What a model had no value for is computed again.
-        let one = horizon.has_one_model();
+        let one = horizon.has_one_model() && self.one_p;
         let moved_on = one && self.known && self.is_moved_on() && self.stages.is_finite();
         std::mem::swap(&mut self.input, &mut self.stages.points);
         self.known = true;

@@ -85,7 +85,7 @@ impl Outputs {
         Self { ends: points(), starts: (dims.feedthrough > 0).then(points) }
     }
 
-    /// Linearizes along the plan `z` from `x0`.
+    /// Linearizes along the plan `z` from `x0`, with the parameters `[N, np]`.
     #[inline(never)]
     pub(crate) fn follow(
         &mut self,
@@ -94,7 +94,9 @@ impl Outputs {
         [x0, z]: [&[f64]; 2],
         p: &[f64],
     ) {
+        let np = self.ends.model.np;
         for j in 1..=dims.horizon {
+            let p = &p[(j - 1) * np..j * np];
             let u = &z[dims.input(dims.acting(j - 1))];
             let x = &z[dims.next_state(j - 1)];
             self.ends.linearize(horizon, j, Stages { x, u, p });

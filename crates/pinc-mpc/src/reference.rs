@@ -85,9 +85,26 @@ impl Reference {
     /// The steps between which the value changes: each range has one value.
     #[must_use]
     pub fn segments(&self) -> Vec<Range<usize>> {
-        let same =
-            |k: usize| self.at(k).iter().zip(self.at(k - 1)).all(|(a, b)| a.total_cmp(b).is_eq());
-        let mut starts: Vec<usize> = (0..self.steps()).filter(|&k| k == 0 || !same(k)).collect();
+        self.ranges(|k| self.changes(k))
+    }
+
+    /// The same, with neighbouring steps in which the value moves on as one range.
+    pub(crate) fn stretches(&self) -> Vec<Range<usize>> {
+        let moves_on = |k: usize| {
+            let beside = if k + 1 < self.steps() { k + 1 } else { k.saturating_sub(2) };
+            self.changes(k) && self.changes(k.saturating_sub(1)) && self.changes(beside)
+        };
+        self.ranges(|k| self.changes(k) && !moves_on(k))
+    }
+
+    /// Whether step `k` has another value than the one before.
+    fn changes(&self, k: usize) -> bool {
+        k > 0 && !self.at(k).iter().zip(self.at(k - 1)).all(|(a, b)| a.total_cmp(b).is_eq())
+    }
+
+    /// The ranges of steps of which another begins where `begins` says so.
+    fn ranges(&self, begins: impl Fn(usize) -> bool) -> Vec<Range<usize>> {
+        let mut starts: Vec<usize> = (0..self.steps()).filter(|&k| k == 0 || begins(k)).collect();
         starts.push(self.steps());
         starts.windows(2).map(|pair| pair[0]..pair[1]).collect()
     }
@@ -172,6 +189,15 @@ mod tests {
         let reference = Reference::new(vec![1.0, 0.0, 1.0, 0.0, 1.0, 2.0, 1.0, 0.0], 2).unwrap();
         assert_eq!(reference.segments(), [0..2, 2..3, 3..4]);
         assert_eq!(Reference::new(vec![1.0; 3], 1).unwrap().segments(), vec![0..3_usize; 1]);
+    }
+
+    #[test]
+    fn steps_in_which_a_value_moves_on_are_one_stretch() {
+        let stretches = |values: &[f64]| Reference::new(values.to_vec(), 1).unwrap().stretches();
+        // Held, then moving from step 2 on, then held from step 6 on; and moving to the end.
+        assert_eq!(stretches(&[0.0, 0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 5.0]), [0..2, 2..6, 6..8]);
+        assert_eq!(stretches(&[0.0, 0.0, 1.0, 2.0, 3.0, 4.0]), [0..2, 2..6]);
+        assert_eq!(stretches(&[0.0, 0.0, 1.0, 2.0]), [0..2, 2..3, 3..4]);
     }
 
     #[test]

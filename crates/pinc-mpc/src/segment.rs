@@ -11,7 +11,7 @@ const MARKS: usize = 10;
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct Segment {
-    /// The steps in which the value holds.
+    /// The steps in which the value holds, or moves on in each.
     pub steps: Range<usize>,
     /// The mean |yref - y| of each tracked quantity over the last ten of these marks, or as many as
     /// there are; NaN if there are none.
@@ -46,7 +46,7 @@ impl ClosedLoop<'_> {
     #[must_use]
     pub fn segments(&self, tolerance: &[f64]) -> Vec<Segment> {
         assert_eq!(tolerance.len(), self.reference().outputs(), "one tolerance per quantity");
-        let all = self.reference().segments().into_iter();
+        let all = self.reference().stretches().into_iter();
         let begun = all.filter(|steps| steps.start < self.steps_done());
         let marks = self.marks();
         begun.map(|steps| self.segment(&marks, steps, tolerance)).collect()
@@ -56,7 +56,8 @@ impl ClosedLoop<'_> {
         let has_next = steps.end < self.reference().steps();
         let prepared = if has_next { self.preview_steps() } else { 0 };
         let last = steps.end.saturating_sub(prepared).min(self.steps_done());
-        let errors = |mark: usize| seen.errors(steps.start, mark);
+        // At a mark the value of the step that ends there is compared; at the first, of the first.
+        let errors = |mark: usize| seen.errors(steps.start.max(mark.saturating_sub(1)), mark);
 
         let marks = (steps.start + 1).max((last + 1).saturating_sub(MARKS))..last + 1;
         let mut offset = vec![0.0; tolerance.len()];

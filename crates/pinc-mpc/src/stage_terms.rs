@@ -90,7 +90,8 @@ impl StageTerms {
         }
     }
 
-    /// Writes Q, S, E and T, adds to the gradient, and gives the value.
+    /// Writes Q, S, E and T, adds to the gradient, and gives the value. The parameters are
+    /// `[N, np]`; at the end of the horizon the last ones hold.
     #[inline(never)]
     pub(crate) fn add(
         &mut self,
@@ -105,7 +106,10 @@ impl StageTerms {
         qp.s_before.fill(0.0);
         qp.t.fill(0.0);
         let mut value = 0.0;
+        let np = p.len() / self.dims.horizon;
         for stage in 0..=self.dims.horizon {
+            let last = stage.min(self.dims.horizon - 1);
+            let p = &p[last * np..(last + 1) * np];
             let x = self.dims.state(stage).map_or(x0, |state| &z[state]);
             if let Some(own) = &mut self.cost {
                 let acting = self.dims.acting(stage);

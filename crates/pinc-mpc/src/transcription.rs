@@ -10,8 +10,9 @@ use crate::outputs::{OutputRows, Outputs};
 use crate::solution::Solution;
 use crate::stage_cost::StageCost;
 use crate::stage_terms::StageTerms;
+use crate::timetable::Part;
 use crate::units::Units;
-use crate::{Bounds, Constraints, NmpcProblem};
+use crate::{BoundSchedule, Bounds, Constraints, NmpcProblem};
 use pinc_qp::{OcpDims, Qp, Row, all_finite};
 use std::ops::Range;
 
@@ -136,6 +137,42 @@ impl Transcription {
         self.cache.set_parameters(p);
     }
 
+    /// Sets the parameters of each stage; whether they changed.
+    pub(crate) fn set_stage_parameters<'p>(&mut self, of: impl Fn(usize) -> &'p [f64]) -> bool {
+        self.cache.set_stage_parameters(of)
+    }
+
+    /// Sets the bounds of all stages, each of which covers some steps of `schedule`. At the end of a
+    /// stage the bounds of the step that begins there hold too, where they are known.
+    pub(crate) fn set_bounds(
+        &mut self,
+        schedule: &BoundSchedule,
+        covered: impl Fn(usize) -> Range<usize>,
+        preview: bool,
+    ) {
+        let dims = self.dims;
+        let width = dims.outputs + dims.feedthrough;
+        for stage in 0..dims.horizon {
+            let Range { start, end } = covered(stage);
+            let Bounds { low, high } = &mut self.bounds;
+            let state = dims.next_state(stage);
+            let until = end + usize::from(preview);
+            let sides = (&mut low[state.clone()], &mut high[state]);
+            schedule.write(start..until, Part::State, sides.0, sides.1);
+            if stage < dims.n_controls {
+                let input = dims.input(stage);
+                let sides = (&mut low[input.clone()], &mut high[input]);
+                schedule.write(start..end, Part::Input, sides.0, sides.1);
+            }
+            if let Some(row) = (stage + 1).checked_sub(dims.n1).filter(|_| width > 0) {
+                let Bounds { low, high } = &mut self.output_bounds;
+                let output = row * width..(row + 1) * width;
+                let sides = (&mut low[output.clone()], &mut high[output]);
+                schedule.write(start..end, Part::Output, sides.0, sides.1);
+            }
+        }
+    }
+
     /// At how many stages the model has been linearized since this was last asked.
     pub(crate) fn take_linearized(&mut self) -> usize {
         let of_curvature = self.curvature.as_mut().map(|of| std::mem::take(&mut of.evaluated));
@@ -169,7 +206,7 @@ impl Transcription {
         let (Some(curvature), Some(terms)) = (&mut self.curvature, &mut self.terms) else {
             return Some(false);
         };
-        let at = At { x0, plan, p: self.cache.parameters(), units: &self.units };
+        let at = At { x0, plan, p: self.cache.stage_parameters(), units: &self.units };
         curvature.add(horizon, terms, &at, qp, judges, expired)
     }
 
@@ -225,7 +262,7 @@ impl Transcription {
         }
         self.linearize_constraints(z, qp);
         if let Some(outputs) = &mut self.outputs {
-            outputs.follow(horizon, self.dims, [x0, z], self.cache.parameters());
+            outputs.follow(horizon, self.dims, [x0, z], self.cache.stage_parameters());
             self.limit_outputs(qp);
         }
         if !self.units.is_identity() {
@@ -271,7 +308,7 @@ impl Transcription {
         self.limit(z, targets.previous, qp);
         let mut cost = self.cost.gradient(z, targets, &mut qp.gradient);
         if let Some(terms) = &mut self.terms {
-            let at = [x0, z, self.cache.parameters()];
+            let at = [x0, z, self.cache.stage_parameters()];
             cost += terms.add(&self.cost, self.outputs.as_ref(), at, targets, qp);
         }
         if self.units.is_identity() { cost } else { self.units.scale_cost(qp, cost) }

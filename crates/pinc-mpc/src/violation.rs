@@ -1,6 +1,7 @@
 //! Bounds that a plant in a closed loop has broken.
 
-use crate::{Bounds, NmpcProblem, Side, Softness};
+use crate::timetable::Part;
+use crate::{BoundSchedule, Bounds, NmpcProblem, Side, Softness};
 use pinc_ode::Dims;
 
 /// A quantity of the plant that may have bounds.
@@ -41,6 +42,8 @@ pub struct Violation {
 pub(crate) struct Violations {
     /// Both bounds of each quantity that has one.
     all: Vec<Violation>,
+    /// These bounds as they are now.
+    bounds: Vec<f64>,
 }
 
 impl Violations {
@@ -51,7 +54,21 @@ impl Violations {
         let inputs = of_bounds(&problem.input_bounds, &Softness::Hard, dims.nu, Bounded::Input);
         let bounds = problem.output_bounds.iter();
         let outputs = bounds.flat_map(|of| of_bounds(of, outputs, dims.ny, Bounded::Output));
-        Self { all: states.chain(inputs).chain(outputs).collect() }
+        let all: Vec<Violation> = states.chain(inputs).chain(outputs).collect();
+        Self { bounds: all.iter().map(|violation| violation.bound).collect(), all }
+    }
+
+    /// From now on the bounds of `step` hold.
+    pub(crate) fn set_bounds_at(&mut self, schedule: &BoundSchedule, step: usize) {
+        for (bound, violation) in self.bounds.iter_mut().zip(&self.all) {
+            let (part, i) = match violation.of {
+                Bounded::State(i) => (Part::State, i),
+                Bounded::Input(i) => (Part::Input, i),
+                Bounded::Output(i) => (Part::Output, i),
+            };
+            let [low, high] = schedule.at(step, part, i);
+            *bound = if violation.side == Side::Low { low } else { high };
+        }
     }
 
     /// Looks at the quantities that have a value at a point of the dense trace, which is between
@@ -62,15 +79,15 @@ impl Violations {
         between_steps: bool,
         value: impl Fn(Bounded) -> Option<f64>,
     ) {
-        for violation in &mut self.all {
+        for (violation, &bound) in self.all.iter_mut().zip(&self.bounds) {
             let Some(value) = value(violation.of) else { continue };
             violation.size = violation.size.max(value.abs());
             let amount = match violation.side {
-                Side::Low => violation.bound - value,
-                Side::High => value - violation.bound,
+                Side::Low => bound - value,
+                Side::High => value - bound,
             };
             if amount > violation.amount {
-                (violation.amount, violation.time_s) = (amount, time_s);
+                (violation.amount, violation.bound, violation.time_s) = (amount, bound, time_s);
             }
             if between_steps {
                 violation.at_steps = violation.at_steps.max(amount);

@@ -36,6 +36,13 @@ def test_a_text_and_overrides(smoke: Path) -> None:
     assert other.model.domain["u"] == (-1.0, 0.9)
 
 
+def test_none_takes_a_key_away(smoke: Path) -> None:
+    with pytest.raises(pinc.InputError, match="missing"):
+        pinc.train(smoke, {"model.neurons": None})
+    with pytest.raises(pinc.InputError, match="--unset model.nothing: there is no key"):
+        pinc.train(smoke, {"model.nothing": None})
+
+
 def test_progress_can_stop_it(smoke: Path) -> None:
     trained = pinc.train(smoke, progress=lambda now: pinc.STOP if now.iteration == 20 else None)
     assert (trained.stop_reason, trained.iterations) == ("stopped", 20)

@@ -54,6 +54,13 @@ impl<'e> Chosen<'e> {
             let key = "control.parameter_schedule";
             return Err(RunError::with_schedule(name, command, key));
         }
+        if spec.parameter_preview {
+            let problem = format!(
+                "`{command}` does not support control.parameter_preview: remove the key; each \
+                 step then holds the parameters that it is given over its horizon"
+            );
+            return Err(RunError::usage(name, problem));
+        }
         let first = spec.models.first().copied().unwrap_or(ModelKind::RK4);
         let kind = only.unwrap_or(if model.is_some() { ModelKind::Pinc } else { first });
         if !spec.models.contains(&kind) {

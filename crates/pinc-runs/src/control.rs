@@ -9,7 +9,7 @@ use crate::RunError;
 use crate::progress::Stage;
 use pinc_check::{Metered, Rehearsal, Work};
 use pinc_config::{ControlSpec, Experiment, ModelKind, Schedule, Variables};
-use pinc_mpc::{Bounded, ClosedLoop, Nmpc, NmpcProblem, Reference, Violation};
+use pinc_mpc::{BoundSchedule, Bounded, ClosedLoop, Nmpc, NmpcProblem, Reference, Violation};
 use pinc_net::PincNet;
 use pinc_ode::{
     Dims, DynPlant, DynRhs, Integrator, PiecewiseConstant, Scheme, Simulator, Trajectory,
@@ -58,20 +58,22 @@ pub struct LoopSetup<'a> {
 pub(crate) struct Schedules {
     /// The parameters that the models are told.
     pub(crate) model: Schedule,
-    /// The plants that take the place of the first one, each from a step on.
+    /// Whether they are told them in advance.
+    pub(crate) preview: bool,
+    /// The plants that take the place of the first one, each from a step on, in their order.
     pub(crate) plants: Vec<(usize, Simulator)>,
 }
 
 impl Schedules {
     /// Makes the changes that come with `step`.
     fn apply(&self, run: &mut ClosedLoop<'_>, step: usize) -> Result<(), RunError> {
-        if let Some((_, plant)) = self.plants.iter().find(|(from, _)| *from == step) {
-            run.set_plant(plant.clone());
+        if let Ok(place) = self.plants.binary_search_by_key(&step, |(from, _)| *from) {
+            run.set_plant(self.plants[place].1.clone());
         }
-        if let Some(p) = self.model.beginning(step) {
-            run.set_model_parameters(p)?;
+        match (self.preview, self.model.beginning(step)) {
+            (false, Some(p)) => Ok(run.set_model_parameters(p)?),
+            _ => Ok(()),
         }
-        Ok(())
     }
 }
 
@@ -327,6 +329,12 @@ impl LoopSetup<'_> {
         Ok(Reference::sample(&signal, steps, self.sample_time_s)?)
     }
 
+    /// How the bounds change, if they do.
+    pub(super) fn bounds(&self) -> Result<Option<BoundSchedule>, RunError> {
+        let variables = Variables::of(self.truth);
+        Ok(self.spec.bound_schedule(&self.problem(), &variables, self.sample_time_s)?)
+    }
+
     /// The loop at its beginning.
     ///
     /// # Errors
@@ -337,6 +345,15 @@ impl LoopSetup<'_> {
         let truth = Simulator::new(self.truth, spec.plant_tolerance);
         let run = ClosedLoop::new(nmpc, truth, reference, &spec.initial_state)?;
         let run = if spec.preview { run } else { run.without_preview() };
+        let run = match self.bounds()? {
+            Some(bounds) => run.with_bounds(bounds),
+            None => run,
+        };
+        let known = self.schedules.model.values.clone().filter(|_| self.schedules.preview);
+        let run = match known {
+            Some(parameters) => run.with_known_parameters(parameters),
+            None => run,
+        };
         let run = match &spec.initial_input {
             Some(input) => run.with_initial_input(input)?,
             None => run,

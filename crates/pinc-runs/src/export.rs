@@ -115,6 +115,13 @@ pub fn export_controller(
         let instead = "q and r alone, or `pinc serve`";
         return Err(ExportError::Feature { feature: "control.cost", instead }.into());
     }
+    if !chosen.spec.bound_schedule.is_empty() {
+        return Err(ExportError::Feature {
+            feature: "control.bound_schedule",
+            instead: "constant bounds, or `pinc serve`",
+        }
+        .into());
+    }
     if chosen.net().is_some() && !chosen.spec.error_tolerance.is_empty() {
         return Err(ExportError::Feature {
             feature: "control.error_tolerance",

@@ -385,6 +385,7 @@ impl Stages<'_> {
             });
             let schedules = Schedules {
                 model: experiment.model_schedule(sample_time_s),
+                preview: spec.parameter_preview,
                 plants: later.collect(),
             };
             let LoopParameters { names, values, estimated } = experiment.loop_parameters();

@@ -9,7 +9,7 @@ use crate::RunError;
 use crate::export::sha256;
 use pinc_config::{ControlSpec, Experiment, ModelKind, Variables};
 use pinc_estimate::{Augmentation, Estimator, EstimatorStatus};
-use pinc_mpc::{Memory, Nmpc, Reference, SqpStatus, Trust};
+use pinc_mpc::{BoundSchedule, Memory, Nmpc, Reference, SqpStatus, Trust};
 use pinc_ode::DynPlant;
 use pinc_record::{ModelErrorMetrics, OutsideDomain};
 use std::time::{Duration, Instant};
@@ -34,6 +34,8 @@ pub struct LiveController {
     model_sha256: Option<String>,
     /// What is followed if a step does not say it.
     reference: Reference,
+    /// Bounds that change from the first step on.
+    bounds: Option<BoundSchedule>,
     window: Vec<f64>,
     first_plan: Option<Vec<f64>>,
     /// The state that the controller took the plant to be in, and the input that it chose.
@@ -132,6 +134,7 @@ impl LiveController {
             model_sha256: chosen.given.as_ref().map(|(bytes, _)| sha256(bytes)),
             reference: setup.reference()?,
             first_plan: setup.first_plan()?,
+            bounds: setup.bounds()?,
             window: vec![0.0; spec.n2 * spec.controlled.len()],
             x: vec![0.0; dims.nx],
             u: vec![0.0; dims.nu],
@@ -314,6 +317,9 @@ impl LiveController {
         }
         if let Some(u) = u_applied {
             self.nmpc.set_applied_input(u)?;
+        }
+        if let Some(bounds) = &self.bounds {
+            self.nmpc.set_bounds_at(bounds, self.done, self.spec.preview);
         }
         let budget = budget_us.map(|us| Duration::from_secs_f64(1e-6 * us));
         let mut expired = || budget.is_some_and(|budget| clock.elapsed() >= budget);

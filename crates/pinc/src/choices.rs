@@ -100,7 +100,18 @@ pub(crate) struct RunArgs {
 pub(crate) struct SetArgs {
     /// Override a value of the config, as training.lambda=0.5 (repeatable).
     #[arg(long = "set", value_name = "KEY=VALUE")]
-    pub(crate) set: Vec<String>,
+    set: Vec<String>,
+    /// Take a key of the config away, as control.preview (repeatable); before any `--set`.
+    #[arg(long = "unset", value_name = "KEY")]
+    unset: Vec<String>,
+}
+
+impl SetArgs {
+    /// The overrides, as [`pinc_config::Experiment::load`] takes them.
+    pub(crate) fn overrides(&self) -> Vec<String> {
+        let unset = self.unset.iter().map(|key| format!("--unset {key}"));
+        unset.chain(self.set.iter().cloned()).collect()
+    }
 }
 
 /// What runs a sweep in place of this process.

@@ -315,7 +315,7 @@ fn execute(cli: &Cli, plants: &Plants) -> Result<ExitCode, RunError> {
             let model = model.as_deref();
             let dir = match (config, model) {
                 (Some(config), _) => {
-                    let experiment = Experiment::load(config, &set.set, plants)?;
+                    let experiment = Experiment::load(config, &set.overrides(), plants)?;
                     if *plant {
                         let dir = pinc_runs::export_plant(&experiment, to, name, out)?;
                         show(quiet, &dir.display().to_string())?;
@@ -329,7 +329,7 @@ fn execute(cli: &Cli, plants: &Plants) -> Result<ExitCode, RunError> {
             show(quiet, &dir.display().to_string())?;
         }
         Command::Serve { config, model, only, listen, set } => {
-            let experiment = Experiment::load(config, &set.set, plants)?;
+            let experiment = Experiment::load(config, &set.overrides(), plants)?;
             let (input, output) = (std::io::stdin().lock(), std::io::stdout().lock());
             let (model, only) = (model.as_deref(), *only);
             if let Some(address) = listen {
@@ -344,13 +344,13 @@ fn execute(cli: &Cli, plants: &Plants) -> Result<ExitCode, RunError> {
             }
         }
         Command::Estimate { config, data, output, model, only, set } => {
-            let experiment = Experiment::load(config, &set.set, plants)?;
+            let experiment = Experiment::load(config, &set.overrides(), plants)?;
             let (output, model) = (output.as_deref(), model.as_deref());
             let found = pinc_runs::estimate(&experiment, data, output, model, *only)?;
             show(quiet, &found.to_string())?;
         }
         Command::Identify { config, data, out, model, only, starts, set } => {
-            let experiment = Experiment::load(config, &set.set, plants)?;
+            let experiment = Experiment::load(config, &set.overrides(), plants)?;
             let named = || Path::new("runs").join(format!("{}-identify", experiment.name));
             let dir = out.clone().unwrap_or_else(named);
             let arguments = arguments();
@@ -361,7 +361,7 @@ fn execute(cli: &Cli, plants: &Plants) -> Result<ExitCode, RunError> {
             show(quiet, &pinc_runs::identification_summary(&found))?;
         }
         Command::Certify { config, what, run } => {
-            let experiment = Experiment::load(config, &run.set.set, plants)?;
+            let experiment = Experiment::load(config, &run.set.overrides(), plants)?;
             let dir = run.directory(&format!("{}-certify", experiment.name), false);
             let arguments = arguments();
             let options = options(run.resume, quiet, &arguments);
@@ -375,7 +375,7 @@ fn execute(cli: &Cli, plants: &Plants) -> Result<ExitCode, RunError> {
             show(quiet, &pinc_runs::certificate_summary(&found))?;
         }
         Command::Choose { config, within, budget_s, run } => {
-            let experiment = Experiment::load(config, &run.set.set, plants)?;
+            let experiment = Experiment::load(config, &run.set.overrides(), plants)?;
             let dir = run.directory(&format!("{}-choose", experiment.name), false);
             let arguments = arguments();
             let options = options(run.resume, quiet, &arguments);
@@ -383,7 +383,9 @@ fn execute(cli: &Cli, plants: &Plants) -> Result<ExitCode, RunError> {
             let choice = pinc_bench::choose(&experiment, &dir, plants, &options, how)?;
             show(quiet, &choice.to_string())?;
         }
-        Command::Check { config, json, set } => return check(config, *json, &set.set, plants),
+        Command::Check { config, json, set } => {
+            return check(config, *json, &set.overrides(), plants);
+        }
         Command::Report { dir } => {
             let path = pinc_runs::rebuild_report(dir)?;
             show(quiet, &path.display().to_string())?;
@@ -516,7 +518,7 @@ impl RunArgs {
         quiet: bool,
         work: impl Fn(&Experiment, &Path, &Options<'_>) -> Result<RunDir, RunError>,
     ) -> Result<(), RunError> {
-        let experiment = Experiment::load(config, &self.set.set, plants)?;
+        let experiment = Experiment::load(config, &self.set.overrides(), plants)?;
         let dir = self.directory(&experiment.name, false);
         self.execute(&experiment, &dir, quiet, &work)
     }
@@ -528,7 +530,7 @@ impl RunArgs {
         plants: &Plants,
         several: bool,
     ) -> Result<Vec<(Experiment, PathBuf)>, RunError> {
-        let sets = &self.set.set;
+        let sets = &self.set.overrides();
         let Some(list) = RunList::load(config)? else {
             let experiment = Experiment::load(config, sets, plants)?;
             let dir = self.directory(&experiment.name, several);

@@ -1,6 +1,9 @@
 //! Checks of `[control]`.
 
-use super::values::{at_least_one, bounds, length, named_tolerances, positive, tolerance, value};
+use super::values::{
+    CONTROLLED, at_least_one, bounds, length, named_tolerances, positive, tolerance, value,
+    wrong_length,
+};
 use super::{Checked, Problem, cost, plant};
 use crate::plants::Plants;
 use crate::problem::nearest;
@@ -8,9 +11,6 @@ use crate::registry::Variables;
 use crate::{ControlSpec, ModelKind, OnError};
 use pinc_mpc::{MpcError, Softness, Weight};
 use pinc_ode::Integrator;
-
-/// What there is one number of per controlled state or output.
-const QUANTITY: &str = "controlled quantity";
 
 /// `[control]`.
 pub(super) fn closed_loop(spec: &ControlSpec, variables: &Variables, plants: &Plants) -> Checked {
@@ -28,11 +28,11 @@ pub(super) fn closed_loop(spec: &ControlSpec, variables: &Variables, plants: &Pl
     cost::parts(spec)?;
     controlled(spec, variables)?;
     horizons(spec)?;
-    weights("control.q", &spec.q, spec.controlled.len(), QUANTITY)?;
+    weights("control.q", &spec.q, spec.controlled.len(), CONTROLLED)?;
     weights("control.r", &spec.input_weight(inputs), inputs, "input")?;
     let terminal = spec.q_terminal.as_ref();
     terminal
-        .map_or(Ok(()), |q| weights("control.q_terminal", q, spec.controlled.len(), QUANTITY))?;
+        .map_or(Ok(()), |q| weights("control.q_terminal", q, spec.controlled.len(), CONTROLLED))?;
     input_differences(spec, inputs)?;
     bounds("control.input", &spec.input_low, &spec.input_high, inputs, "input")?;
     for (key, side) in [("state_low", &spec.state_low), ("state_high", &spec.state_high)] {
@@ -100,7 +100,7 @@ fn verdict(spec: &ControlSpec) -> Checked {
         return value("control.max_failed_share", share, "a share from 0 to 1");
     }
     let Some(within) = &spec.settled_within else { return Ok(()) };
-    length("control.settled_within", within, spec.controlled.len(), QUANTITY)?;
+    length("control.settled_within", within, spec.controlled.len(), CONTROLLED)?;
     for (i, &near) in within.iter().enumerate() {
         positive(&format!("control.settled_within[{i}]"), near)?;
     }
@@ -199,7 +199,7 @@ fn references(spec: &ControlSpec) -> Checked {
             _ => previous = Some(step.start_s),
         }
         let value = format!("{key}.value");
-        length(&value, &step.value, spec.controlled.len(), QUANTITY)?;
+        length(&value, &step.value, spec.controlled.len(), CONTROLLED)?;
     }
     Ok(())
 }
@@ -262,13 +262,9 @@ fn weights(key: &str, weight: &Weight, expected: usize, per: &'static str) -> Ch
     let diagonal = match weight {
         Weight::Diagonal(diagonal) => diagonal,
         Weight::Full(rows) => {
-            let problem = Problem::Length { found: rows.len(), expected, per };
             let lengths = rows.iter().map(Vec::len).chain([rows.len()]);
-            return if lengths.into_iter().all(|found| found == expected) {
-                Ok(())
-            } else {
-                Err((key.to_owned(), problem))
-            };
+            let wrong = lengths.into_iter().find(|found| *found != expected);
+            return wrong.map_or(Ok(()), |found| wrong_length(key, found, expected, per));
         }
     };
     length(key, diagonal, expected, per)?;

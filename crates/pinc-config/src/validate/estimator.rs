@@ -1,6 +1,6 @@
 //! Checks of `[control.measurement]` and `[control.estimator]`.
 
-use super::values::{at_least_one, bounds, length, not_negative, positive, value};
+use super::values::{MEASURED, at_least_one, bounds, length, not_negative, positive, value};
 use super::{Checked, Problem};
 use crate::problem::nearest;
 use crate::registry::Variables;
@@ -10,8 +10,6 @@ use crate::{
 };
 use pinc_estimate::EstimateError;
 
-/// What there is one number of per measured quantity.
-const QUANTITY: &str = "measured quantity";
 /// The sections.
 const MEASUREMENT: &str = "control.measurement";
 const ESTIMATOR: &str = "control.estimator";
@@ -31,7 +29,7 @@ pub(super) fn output_feedback(
     }
     if let Some(sd) = &measurement.noise_sd {
         let key = format!("{MEASUREMENT}.noise_sd");
-        length(&key, sd, measured.len(), QUANTITY)?;
+        length(&key, sd, measured.len(), MEASURED)?;
         none_negative(&key, sd)?;
     }
     match (&spec.estimator, &spec.measurement) {
@@ -61,7 +59,7 @@ fn tuned(spec: &EstimatorSpec, variables: &Variables, measured: usize) -> Checke
         none_negative(&key(name), sd)?;
     }
     length(&key("initial_estimate"), &spec.initial_estimate, states, "state")?;
-    length(&key("measurement_sd"), &spec.measurement_sd, measured, QUANTITY)?;
+    length(&key("measurement_sd"), &spec.measurement_sd, measured, MEASURED)?;
     for (i, &sd) in spec.measurement_sd.iter().enumerate() {
         positive(&key(&format!("measurement_sd[{i}]")), sd)?;
     }

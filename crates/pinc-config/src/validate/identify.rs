@@ -1,7 +1,7 @@
 //! Checks of `[identify]`.
 
 use super::estimator::names;
-use super::values::{at_least_one, length, positive, value};
+use super::values::{MEASURED, at_least_one, length, positive, value};
 use super::{Checked, Problem};
 use crate::problem::nearest;
 use crate::registry::Variables;
@@ -19,7 +19,7 @@ pub(super) fn identification(
     }
     let measured = spec.measurement().names(variables).len();
     if let Some(sd) = &spec.measurement_sd {
-        length("identify.measurement_sd", sd, measured, "measured quantity")?;
+        length("identify.measurement_sd", sd, measured, MEASURED)?;
         for (i, &sd) in sd.iter().enumerate() {
             positive(&format!("identify.measurement_sd[{i}]"), sd)?;
         }

@@ -11,6 +11,8 @@ mod schedule;
 mod stages;
 mod values;
 
+pub(crate) use values::rounded;
+
 use crate::plants::Plants;
 use crate::problem::nearest;
 use crate::registry::Variables;
@@ -22,8 +24,8 @@ use pinc_expr::ExpressionError;
 use pinc_net::{Ansatz, NetError, ResidualScale, Scenario, TrainingTarget, ValidationConfig};
 use pinc_ode::Dims;
 use values::{
-    at_least_one, bounds, length, named_tolerances, positive, present, tolerance, value,
-    whole_steps,
+    CONTROLLED, at_least_one, bounds, length, named_tolerances, positive, present, tolerance,
+    value, whole_steps,
 };
 
 /// The key and what is wrong with its value.
@@ -32,6 +34,26 @@ type Checked = Result<(), (String, Problem)>;
 impl Experiment {
     /// Checks that the values make sense by themselves and together.
     pub(crate) fn validate(&self) -> Checked {
+        self.all_sections().map_err(|(key, problem)| (key, self.with_names(problem)))
+    }
+
+    /// Names what a list of the wrong length has one value for.
+    fn with_names(&self, problem: Problem) -> Problem {
+        let Problem::Length { found, expected, per, names } = problem else { return problem };
+        let variables = self.plant.variables();
+        let control = self.control.as_ref();
+        let known = match per {
+            "state" => variables.state_names(),
+            "input" => variables.input_names(),
+            "output" => variables.own_output_names(),
+            CONTROLLED => control.map_or_else(Vec::new, |control| control.controlled.clone()),
+            _ => Vec::new(),
+        };
+        let names = if known.len() == expected { known } else { names };
+        Problem::Length { found, expected, per, names }
+    }
+
+    fn all_sections(&self) -> Checked {
         directory_name(&self.name)?;
         plant("plant", &self.plant, self.plants())?;
         let variables = self.plant.variables();
@@ -168,8 +190,8 @@ fn net_finding(section: &str, error: &NetError) -> (String, Problem) {
             (format!("{section}.{key}"), problem)
         }
         NetError::Dimension { key, found, expected, per } => {
-            let problem = Problem::Length { found: *found, expected: *expected, per };
-            (format!("{section}.{key}"), problem)
+            let (found, expected, names) = (*found, *expected, Vec::new());
+            (format!("{section}.{key}"), Problem::Length { found, expected, per, names })
         }
         other => (section.to_owned(), Problem::Type(other.to_string())),
     }

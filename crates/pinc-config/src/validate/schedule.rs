@@ -1,12 +1,15 @@
-//! Checks of what changes during a closed loop: parameters and loads.
+//! Checks of what changes during a closed loop: parameters, bounds and loads.
 
 use super::values::{step_mark, value, whole_steps};
 use super::{Checked, Problem};
 use crate::problem::nearest;
-use crate::{ControlSpec, Experiment, ParameterStep, Variables};
+use crate::{ControlSpec, Experiment, OnError, ParameterStep, Variables};
 
 /// Key of the parameters that the models are told.
 const PARAMETERS: &str = "control.parameter_schedule";
+
+/// Key of the bounds.
+const BOUNDS: &str = "control.bound_schedule";
 
 /// Key of the parameters that the plant in the loop has.
 const PLANT: &str = "control.plant_schedule";
@@ -21,7 +24,60 @@ pub(super) fn schedules(experiment: &Experiment, spec: &ControlSpec) -> Checked 
     measured(spec, &varying)?;
     schedule(PARAMETERS, &spec.parameter_schedule, &varying, spec.duration_s)?;
     schedule(PLANT, &spec.plant_schedule, &own, spec.duration_s)?;
-    loads(spec, &experiment.plant.variables())
+    let variables = experiment.plant.variables();
+    bounds(spec, &variables)?;
+    preview(spec)?;
+    loads(spec, &variables)
+}
+
+/// Parameters that are known in advance.
+fn preview(spec: &ControlSpec) -> Checked {
+    let schedule = &spec.parameter_schedule;
+    let key = "control.parameter_preview";
+    if !spec.parameter_preview {
+        return Ok(());
+    }
+    if schedule.is_empty() && spec.measured_parameters.is_empty() {
+        let expected = "control.parameter_schedule or control.measured_parameters beside it";
+        return value(key, "true", expected);
+    }
+    for (is_there, other) in [
+        (spec.delay_steps > 0, "control.delay_steps"),
+        (spec.on_error == OnError::Integrator, "control.on_error = \"integrator\""),
+    ] {
+        if is_there {
+            return value(key, "true", &format!("no such key with {other}"));
+        }
+    }
+    Ok(())
+}
+
+/// Bounds that change.
+fn bounds(spec: &ControlSpec, variables: &Variables) -> Checked {
+    let starts = spec.bound_schedule.iter().map(|step| step.start_s);
+    increasing(BOUNDS, starts, spec.duration_s)?;
+    let names = [variables.state_names(), variables.input_names(), variables.own_output_names()];
+    for (i, step) in spec.bound_schedule.iter().enumerate() {
+        for ((side, given), known) in step.sides().into_iter().zip(names.iter().cycle()) {
+            for (name, number) in given {
+                let key = format!("{BOUNDS}[{i}].{side}.{name}");
+                let Some(place) = known.iter().position(|known| known == name) else {
+                    let (found, known, nearest) =
+                        (name.clone(), known.clone(), nearest(name, known));
+                    return Err((key, Problem::Word { found, known, nearest }));
+                };
+                if !spec.bound(side, place).is_finite() {
+                    let expected = format!("a bound control.{side} of {name} for it to change");
+                    return value(&key, number, &expected);
+                }
+            }
+        }
+    }
+    // The length of a step does not matter for what is checked here.
+    let problem = spec.problem(variables, 1.0);
+    let fine = 1e-12 * spec.duration_s;
+    let Err(error) = spec.bound_schedule(&problem, variables, fine) else { return Ok(()) };
+    value(BOUNDS, error, "no lower bound above its upper one, at any time")
 }
 
 /// Checks that the loop ends, and that everything in it begins and ends, with a step. Without T
@@ -34,8 +90,11 @@ pub(super) fn times(spec: &ControlSpec, sample_time_s: Option<f64>) -> Checked {
     }
     for (key, changes) in [(PARAMETERS, &spec.parameter_schedule), (PLANT, &spec.plant_schedule)] {
         for (i, change) in changes.iter().enumerate() {
-            whole_steps(&format!("{key}[{i}].start_s"), change.start_s, sample_time_s)?;
+            step_mark(&format!("{key}[{i}].start_s"), change.start_s, sample_time_s)?;
         }
+    }
+    for (i, step) in spec.bound_schedule.iter().enumerate() {
+        step_mark(&format!("{BOUNDS}[{i}].start_s"), step.start_s, sample_time_s)?;
     }
     for (i, load) in spec.loads.iter().enumerate() {
         step_mark(&format!("control.loads[{i}].start_s"), load.start_s, sample_time_s)?;
@@ -109,17 +168,8 @@ fn measured(spec: &ControlSpec, varying: &[String]) -> Checked {
 }
 
 fn schedule(key: &str, changes: &[ParameterStep], known: &[String], duration_s: f64) -> Checked {
-    let mut before = 0.0;
+    increasing(key, changes.iter().map(|change| change.start_s), duration_s)?;
     for (i, change) in changes.iter().enumerate() {
-        let start = format!("{key}[{i}].start_s");
-        if change.start_s <= before {
-            return value(&start, change.start_s, &format!("more than {before}, the one before"));
-        }
-        if change.start_s >= duration_s {
-            let expected = format!("less than the duration of the run, {duration_s}");
-            return value(&start, change.start_s, &expected);
-        }
-        before = change.start_s;
         if let Some(name) = change.values.keys().find(|name| !known.contains(name)) {
             let (found, known, nearest) = (name.clone(), known.to_vec(), nearest(name, known));
             let key = format!("{key}[{i}].values.{name}");
@@ -130,6 +180,23 @@ fn schedule(key: &str, changes: &[ParameterStep], known: &[String], duration_s: 
             }
             return Err((key, Problem::Word { found, known, nearest }));
         }
+    }
+    Ok(())
+}
+
+/// Checks the times from which on something holds.
+fn increasing(key: &str, starts: impl Iterator<Item = f64>, duration_s: f64) -> Checked {
+    let mut before = None;
+    for (i, start_s) in starts.enumerate() {
+        let start = format!("{key}[{i}].start_s");
+        if let Some(before) = before.filter(|before| start_s <= *before) {
+            return value(&start, start_s, &format!("more than {before}, the one before"));
+        }
+        if start_s >= duration_s {
+            let expected = format!("less than the duration of the run, {duration_s}");
+            return value(&start, start_s, &expected);
+        }
+        before = Some(start_s);
     }
     Ok(())
 }

@@ -36,12 +36,18 @@ pub(super) fn at_least_one(key: &str, number: usize) -> Checked {
 
 pub(super) fn length(key: &str, values: &[f64], expected: usize, per: &'static str) -> Checked {
     let found = values.len();
-    if found == expected {
-        Ok(())
-    } else {
-        Err((key.to_owned(), Problem::Length { found, expected, per }))
-    }
+    if found == expected { Ok(()) } else { wrong_length(key, found, expected, per) }
 }
+
+pub(super) fn wrong_length(key: &str, found: usize, expected: usize, per: &'static str) -> Checked {
+    Err((key.to_owned(), Problem::Length { found, expected, per, names: Vec::new() }))
+}
+
+/// What there is one number of per controlled quantity.
+pub(super) const CONTROLLED: &str = "controlled quantity";
+
+/// What there is one number of per measured quantity.
+pub(super) const MEASURED: &str = "measured quantity";
 
 /// The lists `<key>_low` and `<key>_high`.
 pub(super) fn bounds(
@@ -89,7 +95,7 @@ fn multiple(key: &str, time_s: f64, least: f64, sample_time_s: Option<f64>) -> C
 }
 
 /// A number to 12 significant digits, so that a product shows no rounding.
-fn rounded(number: f64) -> f64 {
+pub(crate) fn rounded(number: f64) -> f64 {
     format!("{number:.11e}").parse().unwrap_or(number)
 }
 

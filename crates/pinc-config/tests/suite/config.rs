@@ -238,6 +238,45 @@ fn differences_of_several_inputs_have_blocks() {
     assert_eq!(weights.input_sequence, Some(Weight::Full(expected)));
 }
 
+#[test]
+fn keys_can_be_taken_away() {
+    let text = read("configs/four-tanks/control.toml");
+    let both = parse(&text, &[]).unwrap().control.unwrap();
+    let limit = "control.state_high=[20.0, 20.0, 20.0, 20.0]";
+    let limited = parse(&text, &[limit]).unwrap().control.unwrap();
+    assert!(limited.state_high.is_some() && both.state_low.is_some());
+    let sets = [limit, "--unset control.state_high", "--unset control.state_low"];
+    let control = parse(&text, &sets).unwrap().control.unwrap();
+    assert_eq!((control.state_low, control.state_high), (None, None));
+    let control = parse(&text, &["--unset control.q", "control.q=[3.0, 4.0]"]).unwrap().control;
+    assert_eq!(control.unwrap().q, Weight::Diagonal(vec![3.0, 4.0]));
+    for (key, expected) in [
+        ("control.state_highs", "--unset control.state_highs: there is no key `control.state_hi"),
+        ("control.q.h1", "--unset control.q.h1: there is no key `control.q.h1`"),
+        ("prediction", "there is no key `prediction`"),
+        ("control..q", "expected key=value"),
+        ("control.q", "`control.q`: missing"),
+        ("preset", "`preset`: missing"),
+    ] {
+        let found = parse(&text, &[&format!("--unset {key}")]).unwrap_err();
+        assert!(found.contains(expected), "{key}: {found}");
+    }
+}
+
+#[test]
+fn lists_of_another_length_name_their_entries() {
+    let text = read("configs/four-tanks/control.toml");
+    for (set, expected) in [
+        ("control.q=[1.0]", "`control.q`: 1 values given, expected 2: h1, h2"),
+        ("control.q=[[1.0, 0.0], [1.0]]", "`control.q`: 1 values given, expected 2: h1, h2"),
+        ("control.state_low=[1.0]", "1 values given, expected 4: h1, h2, h3, h4"),
+        ("control.input_low=[]", "`control.input_low`: 0 values given, expected 2: u1, u2"),
+    ] {
+        let found = parse(&text, &[set]).unwrap_err();
+        assert!(found.contains(expected), "{set}: {found}");
+    }
+}
+
 /// The shipped example with six stages.
 const FEW_STAGES: &str = "configs/four-tanks/few-stages.toml";
 

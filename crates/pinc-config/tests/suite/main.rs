@@ -5,4 +5,5 @@ mod common;
 mod config;
 mod estimator;
 mod names;
+mod schedules;
 mod times;

@@ -116,7 +116,8 @@ impl Equations {
 
 impl<'a> Unrolled<'a> {
     fn new(of: &'a Equations) -> Result<Self, ExpressionError> {
-        let plain = Equations { parameters: of.parameters.clone(), ..Equations::default() };
+        let (parameters, time_unit) = (of.parameters.clone(), of.time_unit);
+        let plain = Equations { parameters, time_unit, ..Equations::default() };
         let (names, sources) = (Names::default(), BTreeMap::new());
         let mut unrolled = Self { equations: plain, names, sources };
         check_bases(of)?;

@@ -10,4 +10,5 @@ mod on_dual_numbers;
 mod outputs;
 mod sparse;
 mod syntax;
+mod time;
 mod traced;

@@ -66,17 +66,17 @@ const MOST_WAITING: usize = 5;
 /// ```
 #[derive(Debug)]
 pub struct Nmpc {
-    problem: NmpcProblem,
-    horizon: Horizon,
-    parameters: Vec<f64>,
+    pub(crate) problem: NmpcProblem,
+    pub(crate) horizon: Horizon,
+    pub(crate) parameters: Vec<f64>,
     config: SqpConfig,
     dims: OcpDims,
-    sqp: Sqp,
+    pub(crate) sqp: Sqp,
     plan: Solution,
     /// The last plan that was followed, shifted.
     fallback: Solution,
     guess: Guess,
-    phase: Phase,
+    pub(crate) phase: Phase,
     /// What is known of the plan. If it was not evaluated and the model has no value there, the
     /// next step starts afresh.
     plan_state: PlanState,
@@ -89,7 +89,7 @@ pub struct Nmpc {
     /// The state in which the problem begins: the measured one, or where the inputs under way lead.
     start: Vec<f64>,
     next: Vec<f64>,
-    guard: Option<Guard>,
+    pub(crate) guard: Option<Guard>,
 }
 
 impl Nmpc {

@@ -12,8 +12,9 @@ use crate::merit::Merit;
 use crate::solution::Solution;
 use crate::stage_cost::StageCost;
 use crate::transcription::Transcription;
-use crate::{MpcError, NmpcProblem, Softness, SqpConfig, SqpStatus, StepWork};
+use crate::{BoundSchedule, MpcError, NmpcProblem, Softness, SqpConfig, SqpStatus, StepWork};
 use pinc_qp::{ChosenQp, OcpDims, Qp, QpSolver, QpStatus, QpStep, Row};
+use std::ops::Range;
 
 /// A step is taken whole if it brings the KKT residual below this part of the least seen.
 const CONTRACTION: f64 = 0.9;
@@ -190,6 +191,21 @@ impl Sqp {
     /// Sets the model's parameters.
     pub(crate) fn set_parameters(&mut self, p: &[f64]) {
         self.transcription.set_parameters(p);
+    }
+
+    /// Sets the bounds of all stages, each of which covers some steps of `schedule`.
+    pub(crate) fn set_bounds(
+        &mut self,
+        schedule: &BoundSchedule,
+        covered: impl Fn(usize) -> Range<usize>,
+        preview: bool,
+    ) {
+        self.transcription.set_bounds(schedule, covered, preview);
+    }
+
+    /// Sets the model's parameters at each stage; whether they changed.
+    pub(crate) fn set_stage_parameters<'p>(&mut self, of: impl Fn(usize) -> &'p [f64]) -> bool {
+        self.transcription.set_stage_parameters(of)
     }
 
     /// Chooses the units for a plant that is at `x0`. Where they change, the programs are built

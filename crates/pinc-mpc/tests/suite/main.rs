@@ -24,6 +24,7 @@ mod stages;
 mod stream;
 mod support;
 mod survey;
+mod timetable;
 mod units;
 mod wicked;
 mod work;

@@ -6,8 +6,8 @@
 - ``run`` runs a whole experiment; ``Run`` reads what is in its directory.
 
 A config is a path, or a text in TOML (a ``str`` with a line break in it); ``overrides`` are values
-over its own, as ``{"seed": 3, "training.lambda": 0.5}``. All arguments and results are NumPy arrays
-or what NumPy makes arrays of. What cannot be used raises ``InputError``, a ``ValueError``; a run
+over its own, as ``{"seed": 3, "training.lambda": 0.5}``, of which ``None`` takes a key away. All
+arguments and results are NumPy arrays or what NumPy makes arrays of. What cannot be used raises ``InputError``, a ``ValueError``; a run
 that fails raises ``RunError``; Ctrl-C raises ``KeyboardInterrupt``.
 """
 

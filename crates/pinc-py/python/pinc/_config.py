@@ -13,8 +13,14 @@ Config = Union[str, "os.PathLike[str]"]
 def resolve(
     config: Config, overrides: Optional[Mapping[str, object]]
 ) -> tuple[str, Optional[str], list[str]]:
-    """Path and text of a config (no text: it is to be read), and its overrides as ``key=value``."""
-    sets = [f"{key}={_toml(key, value)}" for key, value in (overrides or {}).items()]
+    """Path and text of a config (no text: it is to be read), and its overrides as ``key=value``.
+
+    The value ``None`` takes the key away.
+    """
+    sets = [
+        f"--unset {key}" if value is None else f"{key}={_toml(key, value)}"
+        for key, value in (overrides or {}).items()
+    ]
     if isinstance(config, str) and "\n" in config:
         return "<config>", config, sets
     return os.fspath(config), None, sets

@@ -170,7 +170,9 @@ fn dimensions() {
             "`training.residual_scale.custom`: 1",
         ),
     ] {
-        check_with(from, to).assert_refused(&[key, "values given, expected", "one per"]);
+        let names = if key.contains("control.r`") { "1: u" } else { "2: x1, x2" };
+        let expected = format!("values given, expected {names}");
+        check_with(from, to).assert_refused(&[key, &expected]);
     }
 }
 

@@ -134,6 +134,7 @@ fn rows_of_configs() -> Vec<[String; 4]> {
                 "parameter_schedule",
                 control.parameter_schedule.iter().map(|of| of.start_s).collect(),
             ),
+            ("bound_schedule", control.bound_schedule.iter().map(|of| of.start_s).collect()),
             ("loads", control.loads.iter().map(|of| of.start_s).collect::<Vec<_>>()),
         ];
         let later = schedules.iter().filter(|(_, starts)| starts.iter().any(|s| *s >= duration_s));
@@ -285,6 +286,14 @@ fn keys() -> Vec<(&'static str, Vec<&'static str>, About)> {
             Controller,
         ),
         (
+            "parameter_preview",
+            vec![
+                "control.parameter_schedule={ k = \"0.8 + 0.1*t\" }",
+                "control.parameter_preview=true",
+            ],
+            Controller,
+        ),
+        (
             "plant_schedule",
             vec!["control.plant_schedule=[{ start_s = 1.0, values = { k = 1.4 } }]"],
             Loop,
@@ -337,6 +346,15 @@ fn keys() -> Vec<(&'static str, Vec<&'static str>, About)> {
         ("increment_low", vec!["control.increment_low=[-0.2]"], Controller),
         ("increment_high", vec!["control.increment_high=[0.1]"], Controller),
         ("delay_steps", vec!["control.delay_steps=2"], Controller),
+        (
+            "bound_schedule",
+            vec![
+                "control.state_low=[-2.0, -2.0]",
+                "control.bound_schedule={ state_low = { x = \"-0.3 + 0.1*t\" }, \
+                 input_high = { u = 0.2 } }",
+            ],
+            Controller,
+        ),
         ("preview", vec!["control.preview=false"], Controller),
         ("budget_us", vec!["control.budget_us=1e7"], Unseen),
         ("outside_domain", vec!["control.outside_domain=\"refuse\""], Unseen),
@@ -358,7 +376,7 @@ fn keys() -> Vec<(&'static str, Vec<&'static str>, About)> {
         ("repetitions", vec!["control.repetitions=2"], Loop),
         ("plant_tolerance", vec!["control.plant_tolerance=1e-5"], Loop),
         ("step_s", vec!["control.step_s=0.25"], Controller),
-        ("references", vec!["control.references=[{ start_s = 0.0, value = [0.5] }]"], Controller),
+        ("references", vec!["control.references={ x = \"0.5*sin(t)\" }"], Controller),
         ("close_ups_s", vec!["control.close_ups_s=[[0.0, 2.0]]"], Loop),
         ("sqp.tolerance", vec!["control.sqp.tolerance=1e-2"], Controller),
         ("sqp.max_iterations", vec!["control.sqp.max_iterations=1"], Controller),

@@ -54,6 +54,29 @@ fn times_and_rates_are_in_the_unit_that_the_config_says() {
     }
 }
 
+/// The same plant with rates per hour gives the same findings; a unit that does not suit T is asked
+/// about.
+#[test]
+fn equations_may_be_in_another_unit_of_time() {
+    // Without measured times.
+    let texts = |findings: &[Finding]| {
+        let texts = findings.iter().map(ToString::to_string);
+        texts.filter(|text| !text.contains(" us")).collect::<Vec<_>>()
+    };
+    let hourly = "plant.expression.derivatives={ X = \"(mu - D)*X\", S = \"D*(10 - S) - 2*mu*X\" }";
+    let in_hours = ["--unset time_unit", "plant.expression.time_unit=h", hourly, GUARDED];
+    assert_eq!(
+        texts(&trap("chemostat.toml", &in_hours)),
+        texts(&trap("chemostat.toml", &[GUARDED]))
+    );
+    let asked = |sets: &[&str]| warnings(&trap("chemostat.toml", sets)).join("\n");
+    let fast = asked(&[hourly, GUARDED]);
+    assert!(fast.contains("are the equation's rates per h instead of per second?"), "{fast}");
+    assert!(fast.contains("plant.expression.time_unit = \"h\""), "{fast}");
+    let slow = asked(&["plant.expression.time_unit=d", GUARDED]);
+    assert!(slow.contains("no state moves more than") && slow.contains("rates per d"), "{slow}");
+}
+
 /// A rod of twenty pieces that is heated at one end, and cools at all.
 #[test]
 fn of_many_states_only_a_few_are_written_out() {

@@ -1,14 +1,14 @@
-//! The unit in which times of the plant are shown.
+//! Units of time: of the rates of equations, and in which times are shown.
 
 use serde::{Deserialize, Serialize};
 
 /// A unit of time.
 ///
-/// Keys of a config and columns of tables are in seconds whatever it is: it says how times are
-/// shown.
+/// Keys of a config and columns of tables are in seconds whatever it is: it says what the rates of
+/// equations are per, and how times are shown.
 ///
 /// ```
-/// use pinc_config::TimeUnit;
+/// use pinc_expr::TimeUnit;
 ///
 /// assert_eq!(TimeUnit::shown(18000.0, Some(TimeUnit::Min)), "300 min");
 /// // Without one, that in which the time is a small number.

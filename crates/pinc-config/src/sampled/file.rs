@@ -1,0 +1,130 @@
+//! CSV files of schedules.
+
+use super::{Checked, Grid, Signal};
+use crate::problem::{Problem, nearest};
+use crate::validate::limits;
+use std::collections::BTreeMap;
+use std::path::Path;
+use toml::{Table, Value};
+
+/// A CSV file: the column `t`, in s, and others by name.
+pub(super) struct File {
+    is_linear: bool,
+    times: Vec<f64>,
+    pub(super) columns: BTreeMap<String, Vec<f64>>,
+}
+
+impl File {
+    pub(super) fn read(path: &str, given: &Table, grid: Grid) -> Checked<Self> {
+        let known = ["file", "interpolation"].map(str::to_owned);
+        if let Some(other) = given.keys().find(|key| !known.contains(key)) {
+            let nearest = nearest(other, &known);
+            return Err((
+                format!("{path}.{other}"),
+                Problem::Unknown { known: known.to_vec(), nearest },
+            ));
+        }
+        let Some(word) = given.get("interpolation").and_then(Value::as_str) else {
+            let problem = Problem::Missing("\"linear\" or \"zero-order\"");
+            return Err((format!("{path}.interpolation"), problem));
+        };
+        let is_linear = match word {
+            "linear" => true,
+            "zero-order" => false,
+            other => {
+                let known = ["linear", "zero-order"].map(str::to_owned).to_vec();
+                let (found, nearest) = (other.to_owned(), nearest(other, &known));
+                return Err((
+                    format!("{path}.interpolation"),
+                    Problem::Word { found, known, nearest },
+                ));
+            }
+        };
+        let name = given.get("file").and_then(Value::as_str).unwrap_or_default();
+        let fail = |line: u64, expected: &str, found: String| {
+            let found = if line == 0 { found } else { format!("{name}, line {line}: {found}") };
+            (format!("{path}.file"), Problem::Value { found, expected: expected.to_owned() })
+        };
+        let text = std::fs::read(Path::new(name)).map_err(|error| {
+            fail(0, "a CSV file, relative to the working directory", format!("{name} ({error})"))
+        })?;
+        let (header, rows) = rows(&text)
+            .map_err(|(line, found)| fail(line, "a header and rows of numbers", found))?;
+        let time = header.iter().position(|column| column == "t");
+        let time = time.ok_or_else(|| {
+            fail(1, "a column `t`, in s", format!("the columns {}", header.join(", ")))
+        })?;
+        let times: Vec<f64> = rows.iter().map(|(_, row)| row[time]).collect();
+        let line = |row: usize| rows[row].0;
+        if times.first().is_none_or(|first| *first > 0.0) {
+            return Err(fail(1, "a first row for t = 0", "no value at t = 0".to_owned()));
+        }
+        if let Some(row) = (1..times.len()).find(|&row| times[row] <= times[row - 1]) {
+            let expected = format!("more than {}, the row before", times[row - 1]);
+            return Err(fail(line(row), &expected, format!("t = {}", times[row])));
+        }
+        let end = grid.time(grid.steps);
+        if is_linear && times[times.len() - 1] < end * (1.0 - 1e-9) {
+            let expected = format!("rows to the end of the run, t = {end}");
+            return Err(fail(
+                line(times.len() - 1),
+                &expected,
+                format!("t = {}", times[times.len() - 1]),
+            ));
+        }
+        if !is_linear {
+            for (row, &t) in times.iter().enumerate().filter(|(_, t)| **t > 0.0) {
+                grid.on_a_step(t)
+                    .map_err(|expected| fail(line(row), &expected, format!("t = {t}")))?;
+            }
+        }
+        let column = |i: usize| rows.iter().map(|(_, row)| row[i]).collect();
+        let columns = header.iter().enumerate().filter(|(i, _)| *i != time);
+        let columns = columns.map(|(i, name)| (name.clone(), column(i))).collect();
+        Ok(Self { is_linear, times, columns })
+    }
+
+    /// A column.
+    pub(super) fn signal(&self, path: &str, name: &str) -> Checked<Signal> {
+        let Some(values) = self.columns.get(name) else {
+            let known: Vec<String> = self.columns.keys().cloned().collect();
+            let expected = format!("a file with the column `{name}`");
+            let found = format!("the columns {}", known.join(", "));
+            return Err((path.to_owned(), Problem::Value { found, expected }));
+        };
+        let (times, values) = (self.times.clone(), values.clone());
+        Ok(Signal::Column { times, values, is_linear: self.is_linear })
+    }
+}
+
+/// The rows of a file with their lines.
+type Rows = Vec<(u64, Vec<f64>)>;
+
+/// The header and the rows of numbers of a CSV text; or the line and what is there.
+fn rows(text: &[u8]) -> Result<(Vec<String>, Rows), (u64, String)> {
+    let mut reader = csv::ReaderBuilder::new().trim(csv::Trim::All).from_reader(text);
+    let syntax = |error: &csv::Error| {
+        let line = error.position().map_or(1, csv::Position::line);
+        (line, error.to_string())
+    };
+    let header = reader.headers().map_err(|error| syntax(&error))?;
+    let header: Vec<String> = header.iter().map(str::to_owned).collect();
+    if let Some(twice) = (1..header.len()).find(|&i| header[..i].contains(&header[i])) {
+        return Err((1, format!("the column `{}` twice", header[twice])));
+    }
+    let mut rows = Vec::new();
+    for row in reader.records() {
+        let row = row.map_err(|error| syntax(&error))?;
+        let line = row.position().map_or(0, csv::Position::line);
+        let number = |(cell, column): (&str, &String)| match cell.parse::<f64>() {
+            Ok(number) if number.is_finite() => Ok(number),
+            _ => Err((line, format!("`{cell}` in the column `{column}`"))),
+        };
+        let numbers = row.iter().zip(&header).map(number).collect::<Result<_, _>>()?;
+        rows.push((line, numbers));
+        if rows.len() > limits::STEPS {
+            return Err((line, format!("more than {} rows", limits::STEPS)));
+        }
+    }
+    Ok((header, rows))
+}
