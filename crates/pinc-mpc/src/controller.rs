@@ -65,11 +65,11 @@ const MOST_WAITING: usize = 5;
 #[derive(Debug)]
 pub struct Nmpc {
     problem: NmpcProblem,
-    horizon: Horizon,
+    pub(crate) horizon: Horizon,
     parameters: Vec<f64>,
     config: SqpConfig,
     dims: OcpDims,
-    sqp: Sqp,
+    pub(crate) sqp: Sqp,
     plan: Solution,
     /// The last plan that was followed, shifted.
     fallback: Solution,
@@ -83,7 +83,7 @@ pub struct Nmpc {
     /// The inputs that are under way, the next to act first, `[delay, m]`.
     pending: Vec<f64>,
     /// The state in which the problem begins: the measured one, or where the inputs under way lead.
-    start: Vec<f64>,
+    pub(crate) start: Vec<f64>,
     next: Vec<f64>,
     guard: Option<Guard>,
 }

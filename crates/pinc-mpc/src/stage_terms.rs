@@ -19,7 +19,7 @@ pub(crate) struct StageTerms {
     dims: OcpDims,
     /// What is tracked, if outputs are.
     tracked: Vec<Tracked>,
-    cost: Option<Box<dyn StageCost>>,
+    pub(crate) cost: Option<Box<dyn StageCost>>,
     block: QuadBlock,
     /// The Hessian of what is constant.
     q: Vec<f64>,

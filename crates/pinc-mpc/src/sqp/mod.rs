@@ -44,7 +44,7 @@ const HALVINGS: usize = 20;
 #[derive(Debug)]
 pub(crate) struct Sqp {
     config: SqpConfig,
-    transcription: Transcription,
+    pub(crate) transcription: Transcription,
     /// The problem linearized at the plan.
     qp: Qp,
     /// The problem linearized at the point that is tried.
