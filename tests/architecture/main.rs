@@ -10,7 +10,7 @@ use std::path::{Path, PathBuf};
 use toml::{Table, Value};
 
 /// Our crates with the ones of ours that each depends on, from the bottom up.
-const CRATES: [(&str, &[&str]); 22] = [
+const CRATES: [(&str, &[&str]); 23] = [
     ("pinc-ad", &[]),
     ("pinc-qp", &[]),
     ("pinc-chart", &[]),
@@ -20,6 +20,7 @@ const CRATES: [(&str, &[&str]); 22] = [
     ("pinc-analysis", &["pinc-ode"]),
     ("pinc-net", &["pinc-ad", "pinc-ode"]),
     ("pinc-mpc", &["pinc-ad", "pinc-ode", "pinc-qp"]),
+    ("pinc-batch", &["pinc-mpc", "pinc-ode"]),
     ("pinc-estimate", &["pinc-mpc", "pinc-ode", "pinc-qp"]),
     ("pinc-identify", &["pinc-estimate", "pinc-ode"]),
     ("pinc-export", &["pinc-estimate", "pinc-expr", "pinc-mpc", "pinc-net", "pinc-ode"]),

@@ -210,9 +210,15 @@ impl Transcription {
         true
     }
 
-    /// Forgets where the model was linearized.
-    pub(crate) fn forget(&mut self) {
+    /// Forgets where the model was linearized, and what units that called for; whether these
+    /// change.
+    pub(crate) fn forget(&mut self) -> bool {
         self.cache.forget();
+        let changed = self.units.forget();
+        if changed {
+            self.units.choose_cost(&self.plain.q, &self.plain.r);
+        }
+        changed
     }
 
     /// Writes the cost's derivatives at `z` and the distances to the bounds into `qp`, and returns

@@ -199,9 +199,11 @@ impl Sqp {
         }
     }
 
-    /// Forgets all plans.
+    /// Forgets all plans, and how large states and inputs turned out to be.
     pub(crate) fn forget(&mut self) {
-        self.transcription.forget();
+        if self.transcription.forget() {
+            self.rebuild_programs();
+        }
     }
 
     /// The work since this was last asked.
