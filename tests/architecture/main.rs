@@ -61,6 +61,7 @@ const CRATES: [(&str, &[&str]); 23] = [
         "pinc-runs",
         &[
             "pinc-ad",
+            "pinc-batch",
             "pinc-check",
             "pinc-config",
             "pinc-estimate",
@@ -92,6 +93,7 @@ const CRATES: [(&str, &[&str]); 23] = [
         &[
             "pinc-ad",
             "pinc-analysis",
+            "pinc-batch",
             "pinc-bench",
             "pinc-config",
             "pinc-estimate",
@@ -113,8 +115,10 @@ const CRATES: [(&str, &[&str]); 23] = [
 
 /// The Python package, which is no member of the workspace, with the crates that it depends on.
 /// None depends on it.
-const BINDINGS: (&str, &[&str]) =
-    ("pinc-py", &["pinc-config", "pinc-net", "pinc-ode", "pinc-record", "pinc-runs"]);
+const BINDINGS: (&str, &[&str]) = (
+    "pinc-py",
+    &["pinc-batch", "pinc-config", "pinc-mpc", "pinc-net", "pinc-ode", "pinc-record", "pinc-runs"],
+);
 
 /// The program's crates, the only ones that print, read clocks and look at their surroundings.
 const PROGRAM: [&str; 3] = ["pinc-runs", "pinc-bench", "pinc"];

@@ -81,10 +81,7 @@ impl NmpcBatch {
     /// # Errors
     ///
     /// An error of `make`.
-    pub fn new(
-        threads: usize,
-        mut make: impl FnMut() -> Result<Nmpc, MpcError>,
-    ) -> Result<Self, MpcError> {
+    pub fn new<E>(threads: usize, mut make: impl FnMut() -> Result<Nmpc, E>) -> Result<Self, E> {
         let workers = (0..self::threads(threads)).map(|_| make()).collect::<Result<_, _>>()?;
         Ok(Self { workers })
     }

@@ -73,7 +73,7 @@ impl fmt::Display for Regularity {
 /// with the conditions F and their Jacobian K: the exact Hessian of the Lagrangian (see
 /// [`Solution`]), the dynamics, and the limits that are active. One factorization of K, a band of
 /// the horizon's length, serves any number of products forward and adjoint. Second derivatives of
-/// model, outputs, h, g and stage cost are central differences of the first ones, of fourth order.
+/// model, outputs, h, g and stage cost are central differences of the exact first ones.
 ///
 /// Where a limit becomes active or inactive, the plan has a kink. A *smoothed* plan solves the
 /// problem with the limits' complementarity relaxed to multiplier times distance = tau, as in an
