@@ -1,6 +1,6 @@
 //! Batches against steps, loops and models one by one.
 
-use pinc_batch::{Loops, ModelBatch, NmpcBatch, Situations};
+use pinc_batch::{GradientLoops, LoopCost, Loops, ModelBatch, NmpcBatch, Situations};
 use pinc_mpc::{
     Bounds, ClosedLoop, Given, MpcError, Nmpc, NmpcProblem, Reference, Softness, SqpConfig,
     SqpStatus, Tracked, Weights,
@@ -174,4 +174,89 @@ fn lists_of_the_wrong_length_are_named() {
     assert!(batch.steps(Situations { u_before: &nan, ..at }).is_err());
     let none = Situations { x: &[], ..at };
     assert!(batch.steps(none).unwrap().u.is_empty());
+}
+
+/// A controller of the oscillator with these weights, a softened bound, and a terminal weight.
+fn tuned(q: [f64; 2], r: f64, terminal: f64, penalty: f64) -> Result<Nmpc, MpcError> {
+    let model = Rk4::new(VanDerPol::default(), 0.5, 4);
+    let weights = Weights::uniform(q.to_vec(), vec![r]).with_terminal(vec![terminal, 1.0]);
+    let problem = NmpcProblem {
+        control_horizon: 3,
+        state_bounds: Bounds::new(vec![-0.25, -2.0], vec![0.6, 2.0]),
+        state_softness: Softness::Penalty(vec![penalty, 50.0]),
+        input_bounds: Bounds::new(vec![-0.7], vec![0.7]),
+        ..NmpcProblem::new(model.dims(), 5, weights)
+    };
+    let config = SqpConfig { tolerance: 1e-11, max_iterations: 200, ..SqpConfig::default() };
+    Nmpc::new(problem, Box::new(model), config)
+}
+
+/// The plant differs from the model, so that the loop does not follow the plans.
+#[test]
+fn gradients_of_loops_are_those_of_differences() {
+    let plant = || -> Box<dyn Model> { Box::new(Rk4::new(VanDerPol { mu: 1.3 }, 0.5, 8)) };
+    let values: Vec<f64> = (0..14).flat_map(|k| [if k < 7 { 0.5 } else { -0.3 }, 0.0]).collect();
+    let reference = [Reference::new(values, 2).unwrap()];
+    let cost = LoopCost { errors: &[3.0, 0.5], increments: &[0.2], violations: &[40.0, 1.0] };
+    let run = |numbers: [f64; 8], threads: usize| {
+        let [q1, q2, r, terminal, penalty, x1, x2, before] = numbers;
+        let mut batch = NmpcBatch::new(threads, || tuned([q1, q2], r, terminal, penalty)).unwrap();
+        let given = GradientLoops {
+            x: &[x1, x2],
+            references: &reference,
+            u_before: &[before],
+            parameters: &[],
+            cost,
+            smoothing: None,
+            preview: true,
+        };
+        batch.loop_gradients(given, plant).unwrap().remove(0)
+    };
+    let at = [8.0, 1.0, 0.4, 12.0, 3.0, 0.1, -0.35, 0.1];
+    let found = run(at, 1);
+    assert_eq!(found, run(at, 2));
+    let of = |given: Given, i: usize| found.gradient.get(given)[i];
+    let gradient = [
+        of(Given::Q, 0),
+        of(Given::Q, 1),
+        of(Given::R, 0),
+        of(Given::Terminal, 0),
+        of(Given::StatePenalty, 0),
+        of(Given::State, 0),
+        of(Given::State, 1),
+        of(Given::AppliedInput, 0),
+    ];
+    assert_eq!(found.irregular, 0);
+    let largest = gradient.iter().fold(0.0_f64, |most, g| most.max(g.abs()));
+    for (i, gradient) in gradient.into_iter().enumerate() {
+        let step = 1e-5 * at[i].abs();
+        let moved = |length: f64| {
+            let mut numbers = at;
+            numbers[i] += length;
+            run(numbers, 1).cost
+        };
+        let expected = (moved(step) - moved(-step)) / (2.0 * step);
+        let error = (gradient - expected).abs();
+        assert!(error < 1e-6 * largest + 1e-6 * expected.abs(), "{i}: {gradient} {expected}");
+    }
+
+    // The cost is what its definition says.
+    let mut nmpc = tuned([8.0, 1.0], 0.4, 12.0, 3.0).unwrap();
+    nmpc.reset_input(&[0.1]).unwrap();
+    let (mut x, mut before, mut sum, mut outside) = (vec![0.1, -0.35], 0.1, 0.0, 0.0);
+    for k in 0..14 {
+        let mut window = [0.0; 10];
+        reference[0].preview(k, &mut window);
+        let u = nmpc.step(&x, &window).unwrap().u[0];
+        let mut next = [0.0; 2];
+        plant().step(&x, &[u], &[], &mut next);
+        x = next.to_vec();
+        let beyond = (x[0] - 0.6).max(0.0) + (-0.25 - x[0]).max(0.0);
+        outside += beyond;
+        sum += 3.0 * (x[0] - window[0]).powi(2) + 0.5 * x[1].powi(2) + 40.0 * beyond.powi(2);
+        sum += 0.2 * (u - before).powi(2);
+        before = u;
+    }
+    assert!((found.cost - sum).abs() < 1e-9 * sum, "{} {sum}", found.cost);
+    assert!(outside > 0.01, "a loop that violates no bound says nothing of their weights");
 }

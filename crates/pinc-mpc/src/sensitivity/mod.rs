@@ -37,7 +37,7 @@ const SMOOTH_ENOUGH: f64 = 1e-10;
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub enum Regularity {
-    /// It is: the derivatives exist and are exact.
+    /// It is.
     Regular,
     /// This constraint is about to become active or inactive: the plan has a kink, and the
     /// derivatives are those of the side on which the constraint is inactive. A smoothed plan has
