@@ -205,7 +205,7 @@ impl NmpcBatch {
         references: Given<'_>,
         u_before: Option<Given<'_>>,
     ) -> PyResult<LoopBatch> {
-        let mut controller = self.lock();
+        let controller = self.lock();
         let nmpc = controller.batch().nmpc();
         let (dims, outputs) = (nmpc.model().dims(), nmpc.problem().tracked.len());
         let loops = rows(&x, "x", dims.nx)?;
@@ -228,7 +228,8 @@ impl NmpcBatch {
             Some(u_before) => shared_rows(u_before, "u_before", dims.nu, loops)?,
         };
         let x = values(&x);
-        let traces = py.detach(move || controller.loops(&x, &references, &u_before));
+        drop(controller);
+        let traces = py.detach(|| self.lock().loops(&x, &references, &u_before));
         let traces = traces.map_err(|error| of_run(&error))?;
         loop_batch(py, &traces, [steps, dims.nx, dims.nu])
     }

@@ -9,7 +9,7 @@ import pytest
 import pinc
 
 # The smoke test's plant, with a cost that tells q1 and q2 apart.
-WEIGHTS = {"control.q": [8.0, 3.0], "control.tolerance": 1e-10}
+WEIGHTS = {"control.q": [8.0, 3.0], "control.sqp.tolerance": 1e-10}
 
 
 def states(count: int) -> Any:
