@@ -110,7 +110,7 @@ impl NmpcBatch {
     ///
     /// # Shapes
     ///
-    /// `by_inputs`: `[steps, k m]` or `[k m]`, with the gradients in the first k inputs.
+    /// `by_inputs`: `[steps, k m]`, with the gradients in the first k inputs, or `[m]` for all steps.
     ///
     /// # Errors
     ///
@@ -123,8 +123,8 @@ impl NmpcBatch {
     ) -> Result<GradientBatch, MpcError> {
         let at = self.check(at)?;
         let m = self.nmpc().model().dims().nu;
-        let shared = by_inputs.len() % (at.steps.max(1) * m) != 0;
-        let width = if shared { by_inputs.len() } else { by_inputs.len() / at.steps.max(1) };
+        let shared = by_inputs.len() == m;
+        let width = if shared { m } else { by_inputs.len() / at.steps.max(1) };
         let by_inputs = Rows::new("by_inputs", by_inputs, width, at.steps)?;
         let one = |nmpc: &mut Nmpc, k: usize| {
             let step = at.step(nmpc, k)?;

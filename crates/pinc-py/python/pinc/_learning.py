@@ -12,15 +12,17 @@ _KINDS = ("state", "reference", "applied_input", "parameters")
 
 
 def _inputs(batch: "NmpcBatch", given: list[Any]) -> Any:
-    x, reference, u_before, *parameters = given
-    return batch.steps(x, reference, u_before, *parameters).u
+    x, reference, u_before = given[:3]
+    parameters = given[3] if len(given) > 3 else None
+    return batch.steps(x, reference, u_before, parameters).u
 
 
 def _gradients(
     batch: "NmpcBatch", given: list[Any], by_inputs: Any, smoothing: Optional[float]
 ) -> list[Any]:
-    x, reference, u_before, *parameters = given
-    found = batch.gradients(x, reference, by_inputs, u_before, *parameters, smoothing=smoothing)
+    x, reference, u_before = given[:3]
+    parameters = given[3] if len(given) > 3 else None
+    found = batch.gradients(x, reference, by_inputs, u_before, parameters, smoothing)
     arrays = (found.values[kind] for kind in _KINDS)
     return [array.reshape(like.shape) for like, array in zip(given, arrays)]
 
