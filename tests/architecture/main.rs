@@ -10,7 +10,7 @@ use std::path::{Path, PathBuf};
 use toml::{Table, Value};
 
 /// Our crates with the ones of ours that each depends on, from the bottom up.
-const CRATES: [(&str, &[&str]); 23] = [
+const CRATES: [(&str, &[&str]); 24] = [
     ("pinc-ad", &[]),
     ("pinc-qp", &[]),
     ("pinc-chart", &[]),
@@ -20,6 +20,7 @@ const CRATES: [(&str, &[&str]); 23] = [
     ("pinc-analysis", &["pinc-ode"]),
     ("pinc-net", &["pinc-ad", "pinc-ode"]),
     ("pinc-mpc", &["pinc-ad", "pinc-ode", "pinc-qp"]),
+    ("pinc-batch", &["pinc-mpc", "pinc-ode"]),
     ("pinc-estimate", &["pinc-mpc", "pinc-ode", "pinc-qp"]),
     ("pinc-identify", &["pinc-estimate", "pinc-ode"]),
     ("pinc-export", &["pinc-estimate", "pinc-expr", "pinc-mpc", "pinc-net", "pinc-ode"]),
@@ -60,6 +61,7 @@ const CRATES: [(&str, &[&str]); 23] = [
         "pinc-runs",
         &[
             "pinc-ad",
+            "pinc-batch",
             "pinc-check",
             "pinc-config",
             "pinc-estimate",
@@ -92,6 +94,7 @@ const CRATES: [(&str, &[&str]); 23] = [
         &[
             "pinc-ad",
             "pinc-analysis",
+            "pinc-batch",
             "pinc-bench",
             "pinc-config",
             "pinc-estimate",
@@ -114,8 +117,10 @@ const CRATES: [(&str, &[&str]); 23] = [
 
 /// The Python package, which is no member of the workspace, with the crates that it depends on.
 /// None depends on it.
-const BINDINGS: (&str, &[&str]) =
-    ("pinc-py", &["pinc-config", "pinc-net", "pinc-ode", "pinc-record", "pinc-runs"]);
+const BINDINGS: (&str, &[&str]) = (
+    "pinc-py",
+    &["pinc-batch", "pinc-config", "pinc-mpc", "pinc-net", "pinc-ode", "pinc-record", "pinc-runs"],
+);
 
 /// The program's crates, the only ones that print, read clocks and look at their surroundings.
 const PROGRAM: [&str; 3] = ["pinc-runs", "pinc-bench", "pinc"];

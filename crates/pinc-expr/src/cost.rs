@@ -3,7 +3,7 @@
 use crate::error::ExpressionError;
 use crate::graph::Value;
 use crate::plant_graph::PlantGraph;
-use crate::{parser, variable};
+use crate::{TimeUnit, parser, variable};
 use std::collections::BTreeMap;
 
 /// A cost as text, of states, inputs, outputs, parameters and intermediates of a plant, and the
@@ -13,7 +13,7 @@ use std::collections::BTreeMap;
 /// the equations of a plant.
 #[derive(Clone, Copy, Debug)]
 pub struct CostExpressions<'a> {
-    /// The rate of the cost, in its unit per second.
+    /// The rate of the cost, in its unit per second, or per `time_unit` of the equations.
     pub stage: &'a str,
     /// The cost of an end.
     pub terminal: &'a str,
@@ -40,6 +40,7 @@ impl PlantGraph {
         cost: CostExpressions<'_>,
         texts: [&str; 2],
         scope: BTreeMap<&str, Value>,
+        unit: TimeUnit,
     ) -> Result<(), ExpressionError> {
         let own: Vec<Value> = (0..self.states.len()).map(|i| self.graph.variable(i)).collect();
         if self.outputs.is_empty() {
@@ -58,6 +59,10 @@ impl PlantGraph {
         for ((key, _), text) in cost.texts().into_iter().zip(texts) {
             values.push(parser::parse(key, text, &scope, &mut self.graph)?);
             self.keys.push((self.graph.nodes.len(), key.to_owned()));
+        }
+        if unit != TimeUnit::S {
+            let per_second = self.graph.constant(1.0 / unit.seconds());
+            values[0] = self.graph.mul(values[0], per_second);
         }
         self.derivatives.push(self.graph.constant(1.0));
         self.derivatives.push(values[0]);

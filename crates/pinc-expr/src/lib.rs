@@ -375,7 +375,7 @@ impl Equations {
             keys,
         };
         if let Some((cost, texts)) = cost {
-            all.add_cost(cost, texts, scope)?;
+            all.add_cost(cost, texts, scope, self.time_unit.unwrap_or(TimeUnit::S))?;
         }
         Ok(all)
     }

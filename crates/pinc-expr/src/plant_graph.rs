@@ -1,5 +1,6 @@
 //! A plant's equations as a graph, however they were written.
 
+use crate::TimeUnit;
 use crate::algebraic::Algebraic;
 use crate::cost::{ADDED, CostExpressions};
 use crate::critical::CriticalTerms;
@@ -97,7 +98,8 @@ impl PlantGraph {
         };
         if let Some(cost) = cost {
             let scope = named.iter().map(|(name, value)| (name.as_str(), *value)).collect();
-            traced.add_cost(cost, cost.texts().map(|(_, text)| text), scope)?;
+            let texts = cost.texts().map(|(_, text)| text);
+            traced.add_cost(cost, texts, scope, TimeUnit::S)?;
         }
         Ok(traced)
     }

@@ -88,6 +88,11 @@ impl Horizon {
         &self.times
     }
 
+    /// How many stages there are.
+    pub(crate) fn stages(&self) -> usize {
+        self.times.len() - 1
+    }
+
     /// The model of the first stage.
     pub(crate) fn first(&self) -> &dyn Model {
         self.blocks[0].model.as_ref()
@@ -115,7 +120,7 @@ impl Horizon {
     ) -> bool {
         let Dims { nx, nu, np, .. } = self.dims;
         let unasked = UNASKED[usize::from(nx + nu > SMALL)];
-        let Linearization { next, a, b, .. } = out;
+        let Linearization { next, a, b, e } = out;
         for Block { model, stages } in &mut self.blocks {
             for start in stages.clone().step_by(unasked) {
                 if start > 0 && expired() {
@@ -123,6 +128,7 @@ impl Horizon {
                 }
                 let end = stages.end.min(start + unasked);
                 let part = |width: usize| start * width..end * width;
+                let by_p = if e.is_empty() { 0..0 } else { part(nx * np) };
                 let points = Stages { x: &at.x[part(nx)], u: &at.u[part(nu)], p: &at.p[part(np)] };
                 model.linearize(
                     points,
@@ -130,7 +136,7 @@ impl Horizon {
                         next: &mut next[part(nx)],
                         a: &mut a[part(nx * nx)],
                         b: &mut b[part(nx * nu)],
-                        e: &mut [],
+                        e: &mut e[by_p],
                     },
                 );
             }

@@ -19,7 +19,7 @@ pub(crate) struct StageTerms {
     dims: OcpDims,
     /// What is tracked, if these are not all states.
     tracked: Vec<Tracked>,
-    cost: Option<Box<dyn StageCost>>,
+    pub(crate) cost: Option<Box<dyn StageCost>>,
     /// Seconds from the first stage to each.
     times: Vec<f64>,
     /// The time of the first stage in s.

@@ -20,23 +20,23 @@ use std::ops::Range;
 #[derive(Debug)]
 pub(crate) struct Transcription {
     dims: OcpDims,
-    cost: Cost,
-    terms: Option<StageTerms>,
+    pub(crate) cost: Cost,
+    pub(crate) terms: Option<StageTerms>,
     /// The exact Hessian, where a stage cost leaves it out.
     curvature: Option<Curvature>,
     /// Bounds on z.
-    bounds: Bounds,
+    pub(crate) bounds: Bounds,
     /// Bounds on all increments.
-    increments: Bounds,
+    pub(crate) increments: Bounds,
     /// Whether there are any of these.
     limits_increments: bool,
     /// Bounds on the outputs at all constrained stages.
     output_bounds: Bounds,
-    constraints: Option<Constraints>,
+    pub(crate) constraints: Option<Constraints>,
     work: ConstraintWork,
     cache: LinearizationCache,
-    outputs: Option<Outputs>,
-    output_rows: OutputRows,
+    pub(crate) outputs: Option<Outputs>,
+    pub(crate) output_rows: OutputRows,
     pub(crate) units: Units,
     /// The program's constant numbers, in the plant's units.
     plain: Qp,
@@ -251,6 +251,24 @@ impl Transcription {
         qp: &mut Qp,
         expired: &mut dyn FnMut() -> bool,
     ) -> bool {
+        if !self.linearize_plain(horizon, [x0, z], qp, expired) {
+            return false;
+        }
+        if !self.units.is_identity() {
+            self.units.scale_constraints(qp);
+        }
+        true
+    }
+
+    /// [`Transcription::linearize`] in the plant's units.
+    #[inline(always)]
+    fn linearize_plain(
+        &mut self,
+        horizon: &mut Horizon,
+        [x0, z]: [&[f64]; 2],
+        qp: &mut Qp,
+        expired: &mut dyn FnMut() -> bool,
+    ) -> bool {
         if !self.cache.follow(horizon, [x0, z], expired) {
             return false;
         }
@@ -264,9 +282,6 @@ impl Transcription {
         if let Some(outputs) = &mut self.outputs {
             outputs.follow(horizon, self.dims, [x0, z], self.cache.stage_parameters());
             self.limit_outputs(qp);
-        }
-        if !self.units.is_identity() {
-            self.units.scale_constraints(qp);
         }
         true
     }
@@ -290,10 +305,16 @@ impl Transcription {
         before != self.units.plain_cost(1.0).to_bits()
     }
 
-    /// Forgets where the model was linearized.
-    pub(crate) fn forget(&mut self) {
+    /// Forgets where the model was linearized, and what units that called for; whether these
+    /// change.
+    pub(crate) fn forget(&mut self) -> bool {
         self.cache.forget();
         self.units.forget_slope();
+        let changed = self.units.forget();
+        if changed {
+            self.units.choose_cost(&self.plain.q, &self.plain.r);
+        }
+        changed
     }
 
     /// Writes the cost's derivatives at `z` and the distances to the bounds into `qp`, and returns
@@ -305,13 +326,38 @@ impl Transcription {
         targets: Targets<'_>,
         qp: &mut Qp,
     ) -> f64 {
+        let cost = self.measure_plain(x0, z, targets, qp);
+        if self.units.is_identity() { cost } else { self.units.scale_cost(qp, cost) }
+    }
+
+    /// [`Transcription::measure`] in the plant's units.
+    #[inline(always)]
+    fn measure_plain(&mut self, x0: &[f64], z: &[f64], targets: Targets<'_>, qp: &mut Qp) -> f64 {
         self.limit(z, targets.previous, qp);
         let mut cost = self.cost.gradient(z, targets, &mut qp.gradient);
         if let Some(terms) = &mut self.terms {
             let at = [x0, z, self.cache.stage_parameters()];
             cost += terms.add(&self.cost, self.outputs.as_ref(), at, targets, qp);
         }
-        if self.units.is_identity() { cost } else { self.units.scale_cost(qp, cost) }
+        cost
+    }
+
+    /// The program's constant numbers, in the plant's units.
+    pub(crate) fn plain(&self) -> &Qp {
+        &self.plain
+    }
+
+    /// Writes the problem at `z` into `qp`, made from [`Transcription::plain`], in the plant's
+    /// units.
+    pub(crate) fn evaluate_plain(
+        &mut self,
+        horizon: &mut Horizon,
+        [x0, z]: [&[f64]; 2],
+        targets: Targets<'_>,
+        qp: &mut Qp,
+    ) {
+        self.linearize_plain(horizon, [x0, z], qp, &mut || false);
+        self.measure_plain(x0, z, targets, qp);
     }
 
     /// h and g: their values go, with the sign changed, to the limits.

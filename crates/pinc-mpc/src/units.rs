@@ -137,6 +137,18 @@ impl Units {
         self.slope = None;
     }
 
+    /// Forgets the sizes that only values have shown; whether that changes the units.
+    pub(crate) fn forget(&mut self) -> bool {
+        let mut changed = false;
+        for (units, unknown) in [&mut self.x, &mut self.u].into_iter().zip(&self.unknown) {
+            for (unit, _) in units.iter_mut().zip(unknown).filter(|(_, unknown)| **unknown) {
+                changed |= *unit > 1.0;
+                *unit = 1.0;
+            }
+        }
+        changed
+    }
+
     /// Makes the units fit a state and what it is to follow; whether they changed.
     pub(crate) fn follow(&mut self, x0: &[f64], targets: Option<Targets<'_>>) -> bool {
         let mut changed = false;

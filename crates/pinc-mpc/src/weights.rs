@@ -91,7 +91,7 @@ impl<T> PerStage<T> {
         }
     }
 
-    fn all(&self) -> &[T] {
+    pub(crate) fn all(&self) -> &[T] {
         match self {
             Self::Same(all) => std::slice::from_ref(all),
             Self::Each { stages } => stages,

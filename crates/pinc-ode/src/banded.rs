@@ -1,9 +1,24 @@
 //! Linear systems with a band of entries about the diagonal.
 
-/// The matrix d I - J of which only a band may differ from zero, and its factors. A matrix without
+/// A matrix of which only a band may differ from zero, as d I - J, and its factors. A matrix without
 /// zeros is a band that is as wide as itself.
+///
+/// ```
+/// use pinc_ode::Banded;
+///
+/// // (0 2; 4 1) x = (2, 9)
+/// let mut matrix = Banded::default();
+/// matrix.clear(2, [1, 1]);
+/// for (row, column, entry) in [(0, 1, 2.0), (1, 0, 4.0), (1, 1, 1.0)] {
+///     matrix.add(row, column, entry);
+/// }
+/// assert!(matrix.factor());
+/// let mut x = [2.0, 9.0];
+/// matrix.solve(&mut x);
+/// assert_eq!(x, [2.0, 1.0]);
+/// ```
 #[derive(Clone, Debug, Default)]
-pub(crate) struct Banded {
+pub struct Banded {
     size: usize,
     /// Entries below the diagonal, and above it.
     below: usize,
@@ -44,13 +59,33 @@ impl Banded {
         0.1 * self.below as f64
     }
 
+    /// Makes this the matrix 0 with `size` rows and a band of so many entries below and above the
+    /// diagonal.
+    pub fn clear(&mut self, size: usize, [below, above]: [usize; 2]) {
+        (self.size, self.below, self.above) = (size, below, above);
+        self.order.clear();
+        self.order.resize(size, 0);
+        self.clear_entries();
+    }
+
+    fn clear_entries(&mut self) {
+        let count = self.size * self.width();
+        self.entries.clear();
+        self.entries.resize(count, 0.0);
+    }
+
+    /// Adds to an entry within the band.
+    pub fn add(&mut self, row: usize, column: usize, value: f64) {
+        let at = row * self.width() + column + self.below - row;
+        self.entries[at] += value;
+    }
+
     /// Factorizes `diagonal` I - `jacobian` with exchange of rows. Says whether it is regular and
     /// finite.
     pub(crate) fn factorize(&mut self, jacobian: &[f64], diagonal: f64) -> bool {
         let (n, below, width) = (self.size, self.below, self.width());
         let columns = jacobian.len().checked_div(n).unwrap_or(0);
-        self.entries.clear();
-        self.entries.resize(n * width, 0.0);
+        self.clear_entries();
         for i in 0..n {
             let row = &jacobian[i * columns..][..n];
             let range = i.saturating_sub(below)..n.min(i + self.above + 1);
@@ -59,12 +94,21 @@ impl Banded {
             }
             self.entries[i * width + below] += diagonal;
         }
-        for k in 0..n {
-            if !self.eliminate(k) {
-                return false;
-            }
-        }
-        true
+        self.factor()
+    }
+
+    /// Replaces the entries by the factors, with exchange of rows. Returns whether the matrix is
+    /// regular and finite.
+    pub fn factor(&mut self) -> bool {
+        (0..self.size).all(|k| self.eliminate(k))
+    }
+
+    /// Returns the largest absolute reciprocal of the factors' pivots: infinite or large for a
+    /// matrix that is close to singular.
+    #[must_use]
+    pub fn largest_reciprocal(&self) -> f64 {
+        let pivots = self.entries.iter().skip(self.below).step_by(self.width());
+        pivots.fold(0.0, |most: f64, pivot| most.max(pivot.abs()))
     }
 
     /// Column `k`; the pivot is replaced by its reciprocal, what is below by the factors.
@@ -101,7 +145,7 @@ impl Banded {
     }
 
     /// Solves with the factors: `b`, of length `size`, becomes the solution.
-    pub(crate) fn solve(&self, b: &mut [f64]) {
+    pub fn solve(&self, b: &mut [f64]) {
         let (n, below, width) = (self.size, self.below, self.width());
         let place = |i: usize, j: usize| i * width + j + below - i;
         for k in 0..n {

@@ -41,6 +41,7 @@ mod variable;
 mod with_outputs;
 
 pub use accurate::AccurateIntegrator;
+pub use banded::Banded;
 pub use black_box::{BlackBox, Flow, FlowModel};
 pub use dopri5::Dopri5;
 pub use dyn_plant::{AnyVectorRhs, DynPlant, DynRhs, VECTOR_DIRECTIONS, VectorDual, VectorRhs};

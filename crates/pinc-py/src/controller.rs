@@ -2,12 +2,14 @@
 
 use crate::arrays::{Array, Given, array, values, vector};
 use crate::config::experiment;
-use crate::errors::{input, of_run};
+use crate::errors::{input, of_mpc, of_run};
+use crate::gradient::{PlanChange, PlanGradient, read_change};
 use crate::model::Model;
 use numpy::{PyArrayDyn, PyUntypedArrayMethods};
 use pinc_config::ModelKind;
 use pinc_runs::{Follow, LiveController, LiveState, ModelFile};
 use pyo3::prelude::*;
+use pyo3::types::PyDict;
 use std::path::PathBuf;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
@@ -64,9 +66,23 @@ impl ControlStep {
 
 /// What is given for the model of a controller.
 #[derive(FromPyObject)]
-enum GivenModel<'py> {
+pub(crate) enum GivenModel<'py> {
     Model(Bound<'py, Model>),
     Path(PathBuf),
+}
+
+impl GivenModel<'_> {
+    /// Calls `make` with the model.
+    pub(crate) fn with<T>(
+        given: Option<&Self>,
+        make: impl FnOnce(Option<ModelFile<'_>>) -> T,
+    ) -> T {
+        match given {
+            None => make(None),
+            Some(Self::Path(path)) => make(Some(ModelFile::At(path))),
+            Some(Self::Model(model)) => make(Some(ModelFile::Content(&model.get().bytes()))),
+        }
+    }
 }
 
 #[pymethods]
@@ -81,16 +97,9 @@ impl Nmpc {
     ) -> PyResult<Self> {
         let experiment = experiment(config, overrides)?;
         let only = only.map(kind).transpose()?;
-        let bytes;
-        let model = match &model {
-            None => None,
-            Some(GivenModel::Path(path)) => Some(ModelFile::At(path)),
-            Some(GivenModel::Model(model)) => {
-                bytes = model.get().bytes();
-                Some(ModelFile::Content(&bytes))
-            }
-        };
-        let controller = LiveController::new(&experiment, model, only, "pinc.Nmpc");
+        let controller = GivenModel::with(model.as_ref(), |model| {
+            LiveController::new(&experiment, model, only, "pinc.Nmpc")
+        });
         let controller = controller.map_err(|error| of_run(&error))?;
         Ok(Self { controller: Mutex::new(controller) })
     }
@@ -146,6 +155,41 @@ impl Nmpc {
         };
         controller.prepare();
         Ok(done)
+    }
+
+    /// The gradient of a function of the last plan in all that its problem is given.
+    #[pyo3(signature = (by_inputs=None, by_states=None, smoothing=None))]
+    fn adjoint(
+        &self,
+        py: Python<'_>,
+        by_inputs: Option<Given<'_>>,
+        by_states: Option<Given<'_>>,
+        smoothing: Option<f64>,
+    ) -> PyResult<PlanGradient> {
+        let [by_inputs, by_states] =
+            [by_inputs, by_states].map(|seed| seed.map_or(Vec::new(), |seed| values(&seed)));
+        let mut controller = self.lock();
+        let mut sensitivity = controller.sensitivity(smoothing).map_err(|e| of_run(&e))?;
+        let gradient = sensitivity.adjoint(&by_states, &by_inputs).map_err(of_mpc)?;
+        PlanGradient::new(py, sensitivity.regularity(), &gradient)
+    }
+
+    /// By how much the last plan changes with what its problem is given.
+    #[pyo3(signature = (change, smoothing=None))]
+    fn sensitivity(
+        &self,
+        py: Python<'_>,
+        change: &Bound<'_, PyDict>,
+        smoothing: Option<f64>,
+    ) -> PyResult<PlanChange> {
+        let mut controller = self.lock();
+        let dims = controller.nmpc().model().dims();
+        let mut sensitivity = controller.sensitivity(smoothing).map_err(|e| of_run(&e))?;
+        let mut numbers = sensitivity.no_change();
+        read_change(change, &mut numbers)?;
+        let moved = sensitivity.forward(&numbers).map_err(of_mpc)?;
+        let parts = [(moved.states(), dims.nx), (moved.inputs(), dims.nu)];
+        PlanChange::new(py, sensitivity.regularity(), parts)
     }
 
     /// Forgets everything: the next step is again the first.
@@ -262,7 +306,7 @@ impl Reference {
 }
 
 /// The model of this name.
-fn kind(name: &str) -> PyResult<ModelKind> {
+pub(crate) fn kind(name: &str) -> PyResult<ModelKind> {
     ModelKind::from_name(name).ok_or_else(|| {
         let names = ModelKind::NAMES.join(", ");
         input(format!("only: {name:?} given, expected one of {names}"))

@@ -21,6 +21,11 @@ pub(crate) fn of_run(error: &pinc_runs::RunError) -> PyErr {
     }
 }
 
+/// An error of a controller.
+pub(crate) fn of_mpc(error: pinc_mpc::MpcError) -> PyErr {
+    of_run(&error.into())
+}
+
 /// An error of a config.
 pub(crate) fn of_config(error: &ConfigError) -> PyErr {
     input(error.to_string())

@@ -6,9 +6,11 @@
 //! interpreter lock is released for all that takes long.
 
 mod arrays;
+mod batch;
 mod config;
 mod controller;
 mod errors;
+mod gradient;
 mod model;
 mod run;
 mod training;
@@ -18,7 +20,11 @@ use pyo3::prelude::*;
 #[pymodule(name = "_native")]
 mod native {
     #[pymodule_export]
+    use crate::batch::{GradientBatch, LoopBatch, NmpcBatch, StepBatch};
+    #[pymodule_export]
     use crate::controller::{ControlStep, Nmpc};
+    #[pymodule_export]
+    use crate::gradient::{PlanChange, PlanGradient};
     #[pymodule_export]
     use crate::model::Model;
     #[pymodule_export]

@@ -4,7 +4,8 @@
 //! - [`run`], [`train`] (or [`train_watched`], which writes no files), [`control`], [`predict`],
 //!   [`estimate`], [`identify`], [`certify`], [`check`], [`compare`], [`rebuild_report`];
 //! - [`export_net`], [`export_controller`], [`export_plant`]: nets and controllers for
-//!   other programs; [`LiveController`] is a controller for a plant that is somewhere else;
+//!   other programs; [`LiveController`] is a controller for a plant that is somewhere else, and
+//!   [`BatchController`] the same for many states at once;
 //! - [`train_shared`], [`run_trial`]: the parts of which sweeps consist.
 //!
 //! With pinc-bench, which is the program around it, this is the part of the project that writes to
@@ -12,6 +13,7 @@
 
 #![forbid(unsafe_code)]
 
+mod batch;
 mod certify;
 mod chain;
 mod chained_error;
@@ -50,6 +52,7 @@ mod train_watched;
 mod training_setup;
 mod trial;
 
+pub use batch::BatchController;
 pub use certify::{Certify, certificate_summary, certify, verify_certificate};
 pub use chained_error::error_estimate;
 pub use check::{check, check_watched};

@@ -9,7 +9,7 @@ use crate::RunError;
 use crate::export::sha256;
 use pinc_config::{ControlSpec, Experiment, ModelKind, Variables};
 use pinc_estimate::{Augmentation, Estimator, EstimatorStatus};
-use pinc_mpc::{BoundSchedule, Memory, Nmpc, Reference, SqpStatus, Trust};
+use pinc_mpc::{BoundSchedule, Memory, Nmpc, Reference, Sensitivity, SqpStatus, Trust};
 use pinc_ode::DynPlant;
 use pinc_record::{ModelErrorMetrics, OutsideDomain};
 use std::time::{Duration, Instant};
@@ -41,6 +41,8 @@ pub struct LiveController {
     /// The state that the controller took the plant to be in, and the input that it chose.
     x: Vec<f64>,
     u: Vec<f64>,
+    /// The input applied before it.
+    before: Vec<f64>,
     /// The input chosen last, and before it those under way: the first acts in the step begun last.
     inputs: Vec<f64>,
     done: usize,
@@ -138,6 +140,7 @@ impl LiveController {
             window: vec![0.0; spec.n2 * spec.controlled.len()],
             x: vec![0.0; dims.nx],
             u: vec![0.0; dims.nu],
+            before: vec![0.0; dims.nu],
             inputs: vec![0.0; (spec.delay_steps + 1) * dims.nu],
             variables: Variables::of(&*chosen.plant),
             spec: spec.clone(),
@@ -164,9 +167,11 @@ impl LiveController {
             self.nmpc.set_parameters(&self.parameters)?;
         }
         self.inputs.fill(0.0);
+        self.u.fill(0.0);
         self.done = 0;
         if let Some(u) = &self.spec.initial_input {
             self.nmpc.reset_input(u)?;
+            self.u.copy_from_slice(u);
             self.inputs.chunks_exact_mut(u.len()).for_each(|input| input.copy_from_slice(u));
             if let Some(observer) = &mut self.observer {
                 observer.estimator.reset_input(u);
@@ -195,6 +200,15 @@ impl LiveController {
     #[must_use]
     pub fn nmpc(&self) -> &Nmpc {
         &self.nmpc
+    }
+
+    /// Differentiates the plan of the last step, as [`Nmpc::sensitivity`].
+    ///
+    /// # Errors
+    ///
+    /// [`RunError`] if `smoothing` is not positive.
+    pub fn sensitivity(&mut self, smoothing: Option<f64>) -> Result<Sensitivity<'_>, RunError> {
+        Ok(self.nmpc.sensitivity(&self.window, &self.before, smoothing)?)
     }
 
     /// The section of the config.
@@ -315,6 +329,7 @@ impl LiveController {
         if let Some(observer) = &self.observer {
             self.nmpc.set_parameters(&observer.unknowns)?;
         }
+        self.before.copy_from_slice(u_applied.unwrap_or(&self.u));
         if let Some(u) = u_applied {
             self.nmpc.set_applied_input(u)?;
         }

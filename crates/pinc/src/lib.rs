@@ -25,6 +25,10 @@
 #![cfg_attr(feature = "text", doc = "| [`expr`] | plants whose equations are text | `text` |")]
 #![cfg_attr(feature = "plants", doc = "| [`plants`] | the built-in plants | `plants` |")]
 #![cfg_attr(
+    feature = "batch",
+    doc = "| [`batch`] | control steps, gradients, closed loops and model steps on all cores | `batch` |"
+)]
+#![cfg_attr(
     feature = "analysis",
     doc = "| [`analysis`] | steady states, stability and zeros of a plant | `analysis` |"
 )]
@@ -158,6 +162,8 @@ pub use cli::program;
 pub use pinc_ad as ad;
 #[cfg(feature = "analysis")]
 pub use pinc_analysis as analysis;
+#[cfg(feature = "batch")]
+pub use pinc_batch as batch;
 #[cfg(feature = "experiments")]
 pub use pinc_bench as bench;
 #[cfg(feature = "experiments")]

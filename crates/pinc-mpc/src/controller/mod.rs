@@ -87,7 +87,7 @@ pub struct Nmpc {
     /// The inputs that are under way, the next to act first, `[delay, m]`.
     pending: Vec<f64>,
     /// The state in which the problem begins: the measured one, or where the inputs under way lead.
-    start: Vec<f64>,
+    pub(crate) start: Vec<f64>,
     next: Vec<f64>,
     pub(crate) guard: Option<Guard>,
 }

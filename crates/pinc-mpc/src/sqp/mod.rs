@@ -46,7 +46,7 @@ const HALVINGS: usize = 20;
 #[derive(Debug)]
 pub(crate) struct Sqp {
     config: SqpConfig,
-    transcription: Transcription,
+    pub(crate) transcription: Transcription,
     /// The problem linearized at the plan.
     qp: Qp,
     /// The problem linearized at the point that is tried.
@@ -239,9 +239,11 @@ impl Sqp {
         self.transcription.set_time(now_s);
     }
 
-    /// Forgets all plans.
+    /// Forgets all plans, and how large states and inputs turned out to be.
     pub(crate) fn forget(&mut self) {
-        self.transcription.forget();
+        if self.transcription.forget() {
+            self.rebuild_programs();
+        }
     }
 
     /// The work since this was last asked.

@@ -20,6 +20,7 @@ mod optimality;
 mod outputs;
 mod problems;
 mod random;
+mod sensitivity;
 mod stages;
 mod stream;
 mod support;

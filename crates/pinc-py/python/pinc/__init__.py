@@ -2,7 +2,9 @@
 
 - ``train`` trains the net of a config, until its function ``progress`` returns ``STOP``; ``Model`` is a trained net: steps, Jacobians, free runs,
   layers, a CasADi function.
-- ``Nmpc`` is the controller of a config, with its estimator, one step at a time.
+- ``Nmpc`` is the controller of a config, with its estimator, one step at a time; ``NmpcBatch``
+  takes many steps and runs many closed loops on all cores. Both give derivatives, and
+  ``torch_policy`` and ``jax_policy`` make functions of PyTorch and JAX of the latter.
 - ``run`` runs a whole experiment; ``Run`` reads what is in its directory.
 
 A config is a path, or a text in TOML (a ``str`` with a line break in it); ``overrides`` are values
@@ -14,7 +16,21 @@ that fails raises ``RunError``; Ctrl-C raises ``KeyboardInterrupt``.
 from importlib.metadata import version as _version
 
 from ._errors import InputError, PincError, RunError
-from ._native import ControlStep, Model, Nmpc, Trained, TrainingProgress, train
+from ._learning import jax_policy, torch_policy
+from ._native import (
+    ControlStep,
+    GradientBatch,
+    LoopBatch,
+    Model,
+    Nmpc,
+    NmpcBatch,
+    PlanChange,
+    PlanGradient,
+    StepBatch,
+    Trained,
+    TrainingProgress,
+    train,
+)
 from ._runs import Run, run
 from ._stop import STOP
 
@@ -23,15 +39,23 @@ __version__ = _version("pinc")
 __all__ = [
     "STOP",
     "ControlStep",
+    "GradientBatch",
     "InputError",
+    "LoopBatch",
     "Model",
     "Nmpc",
+    "NmpcBatch",
     "PincError",
+    "PlanChange",
+    "PlanGradient",
     "Run",
     "RunError",
+    "StepBatch",
     "Trained",
     "TrainingProgress",
     "__version__",
+    "jax_policy",
     "run",
+    "torch_policy",
     "train",
 ]

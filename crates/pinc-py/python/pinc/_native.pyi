@@ -10,7 +10,21 @@ from ._config import Config
 
 _Array = NDArray[np.float64]
 
-__all__ = ["ControlStep", "Model", "Nmpc", "Trained", "TrainingProgress", "run_into", "train"]
+__all__ = [
+    "ControlStep",
+    "GradientBatch",
+    "LoopBatch",
+    "Model",
+    "Nmpc",
+    "NmpcBatch",
+    "PlanChange",
+    "PlanGradient",
+    "StepBatch",
+    "Trained",
+    "TrainingProgress",
+    "run_into",
+    "train",
+]
 
 @final
 class Model:
@@ -176,6 +190,21 @@ class Nmpc:
         plant was really given since the last step, if that was not the one chosen. ``parameters`` are the
         values of ``control.measured_parameters``, in that order; as before if they are not given.
         """
+    def adjoint(
+        self,
+        by_inputs: Optional[ArrayLike] = None,
+        by_states: Optional[ArrayLike] = None,
+        smoothing: Optional[float] = None,
+    ) -> PlanGradient:
+        """The gradient of a function of the last plan in all that its problem is given, from the
+        function's gradient in the planned inputs, ``(k, m)`` or its numbers row by row, and states;
+        what is missing counts as 0. ``smoothing`` is the barrier parameter of a smoothed plan, in
+        units of the cost."""
+    def sensitivity(
+        self, change: Mapping[str, ArrayLike], smoothing: Optional[float] = None
+    ) -> PlanChange:
+        """By how much the last plan changes if its problem is given other numbers: ``change`` has
+        some of the kinds that ``adjoint`` gives, with as many numbers each."""
     def reset(self) -> None:
         """Forgets everything: the next step is again the first, from ``control.initial_input`` on."""
     def state(self) -> str:
@@ -210,6 +239,157 @@ class Nmpc:
     @property
     def sample_time_s(self) -> float:
         """Length T of a step in s."""
+
+@final
+class PlanGradient:
+    """The gradient of a function of a plan."""
+
+    @property
+    def regularity(self) -> str:
+        """``"regular"``; ``"kink"`` where a constraint is about to become active or inactive and
+        the gradient is one side's; ``"singular"``, with NaN; ``"not-optimal"`` where the step did
+        not converge."""
+    @property
+    def values(self) -> dict[str, _Array]:
+        """The gradient by kind of number: ``state``, ``reference``, ``applied_input``,
+        ``parameters``, ``q``, ``r``, ``terminal``, ``input_sequence``, bounds as ``state_low``, and
+        weights of violations as ``state_penalty``, each as far as the problem has it, row by row."""
+
+@final
+class PlanChange:
+    """By how much a plan changes."""
+
+    @property
+    def regularity(self) -> str:
+        """As of a ``PlanGradient``."""
+    @property
+    def states(self) -> _Array:
+        """Of the planned states, ``(horizon, n)``."""
+    @property
+    def inputs(self) -> _Array:
+        """Of the planned inputs, ``(control horizon, m)``."""
+
+@final
+class NmpcBatch:
+    """The controller of a config for many states at once, on ``threads`` threads (0: one per core),
+    without an estimator.
+
+    Each step and each loop starts afresh: results do not depend on what else is in the batch, nor
+    on the number of threads. The other arguments are as of ``Nmpc``.
+    """
+
+    def __new__(
+        cls,
+        config: Config,
+        model: Union[Model, str, os.PathLike[str], None] = None,
+        only: Optional[str] = None,
+        overrides: Optional[Mapping[str, object]] = None,
+        threads: int = 0,
+    ) -> NmpcBatch: ...
+    def steps(
+        self,
+        x: ArrayLike,
+        reference: ArrayLike,
+        u_before: Optional[ArrayLike] = None,
+        parameters: Optional[ArrayLike] = None,
+    ) -> StepBatch:
+        """Takes a control step from each of the states ``x``, ``(steps, n)``.
+
+        ``reference`` is a value per controlled quantity, ``(outputs,)`` or one for each step,
+        ``(steps, outputs)``, held over the horizon, or ``(steps, horizon, outputs)``. ``u_before``,
+        the input applied last, is ``(m,)`` or ``(steps, m)``, ``control.initial_input`` or 0 if it
+        is not given; ``parameters`` are the model's, ``(np,)`` or ``(steps, np)``."""
+    def gradients(
+        self,
+        x: ArrayLike,
+        reference: ArrayLike,
+        by_inputs: ArrayLike,
+        u_before: Optional[ArrayLike] = None,
+        parameters: Optional[ArrayLike] = None,
+        smoothing: Optional[float] = None,
+    ) -> GradientBatch:
+        """Takes the steps, and differentiates a function of each plan's inputs, from its gradient
+        ``by_inputs``: ``(m,)`` for all steps, ``(steps, m)``, or ``(steps, k, m)`` for the first k
+        inputs. ``smoothing`` is as of ``Nmpc.adjoint``."""
+    def loops(
+        self, x: ArrayLike, references: ArrayLike, u_before: Optional[ArrayLike] = None
+    ) -> LoopBatch:
+        """Runs closed loops with the config's plant from the states ``x``, ``(loops, n)``.
+        ``references`` have a row per control step: ``(steps, outputs)`` for all loops, or ``(loops,
+        steps, outputs)``."""
+    @property
+    def states(self) -> list[str]:
+        """Names of the states."""
+    @property
+    def inputs(self) -> list[str]:
+        """Names of the inputs."""
+    @property
+    def controlled(self) -> list[str]:
+        """Names of what is controlled: the columns of a reference."""
+    @property
+    def horizon(self) -> int:
+        """N2, the number of steps ahead."""
+    @property
+    def sample_time_s(self) -> float:
+        """Length T of a step in s."""
+
+@final
+class StepBatch:
+    """What came of many control steps."""
+
+    @property
+    def u(self) -> _Array:
+        """The inputs to apply, ``(steps, m)``."""
+    @property
+    def inputs(self) -> _Array:
+        """The planned inputs, ``(steps, control horizon, m)``."""
+    @property
+    def status(self) -> list[str]:
+        """How the optimizations ended."""
+    @property
+    def sqp_iterations(self) -> list[int]:
+        """How many quadratic programs were solved."""
+    @property
+    def kkt(self) -> _Array:
+        """The KKT residuals, ``(steps,)``."""
+
+@final
+class GradientBatch:
+    """What came of many control steps, with gradients."""
+
+    @property
+    def steps(self) -> StepBatch:
+        """The steps."""
+    @property
+    def regularity(self) -> list[str]:
+        """As of a ``PlanGradient``."""
+    @property
+    def values(self) -> dict[str, _Array]:
+        """The gradients by kind of number, as of a ``PlanGradient``, each ``(steps, numbers)``."""
+
+@final
+class LoopBatch:
+    """What came of many closed loops. A loop that ended early has NaN for what is missing."""
+
+    @property
+    def states(self) -> _Array:
+        """The states at the control steps, ``(loops, steps + 1, n)``."""
+    @property
+    def inputs(self) -> _Array:
+        """The inputs chosen, ``(loops, steps, m)``."""
+    @property
+    def status(self) -> list[list[str]]:
+        """How the optimizations ended."""
+    @property
+    def iae(self) -> _Array:
+        """The absolute errors at the ends of the steps, summed over steps and outputs,
+        ``(loops,)``."""
+    @property
+    def max_violation(self) -> _Array:
+        """By how much the plant was outside its bounds at most, ``(loops,)``."""
+    @property
+    def error(self) -> list[Optional[str]]:
+        """Why a loop ended early, or None."""
 
 @final
 class ControlStep:

@@ -1,0 +1,185 @@
+//! One controller, many control steps.
+
+use crate::rows::{Rows, count};
+use crate::share::{share, threads};
+use pinc_mpc::{MpcError, Nmpc, ProblemDerivative, Regularity, SqpStatus};
+
+/// Copies of a controller, one per thread, for steps and loops that each start afresh.
+#[derive(Debug)]
+pub struct NmpcBatch {
+    pub(crate) workers: Vec<Nmpc>,
+}
+
+/// What a batch of control steps is given. All but `x` may have one row for all steps.
+///
+/// # Shapes
+///
+/// `x`: `[steps, n]`; `reference`: `[steps, N2, outputs]` or `[N2, outputs]`; `u_before`, the input
+/// applied last: `[steps, m]` or `[m]`; `parameters`: `[steps, np]` or `[np]`, or empty for those
+/// that the controller has.
+#[derive(Clone, Copy, Debug)]
+pub struct Situations<'a> {
+    /// The states in which the plant is.
+    pub x: &'a [f64],
+    /// The references over the horizon.
+    pub reference: &'a [f64],
+    /// The inputs applied last.
+    pub u_before: &'a [f64],
+    /// The parameters of the model.
+    pub parameters: &'a [f64],
+}
+
+/// The results of a batch of control steps, in their order.
+#[derive(Clone, Debug, Default, PartialEq)]
+#[non_exhaustive]
+pub struct StepBatch {
+    /// The inputs to apply, `[steps, m]`.
+    pub u: Vec<f64>,
+    /// The plans' inputs, `[steps, Nu, m]`.
+    pub inputs: Vec<f64>,
+    /// How the optimizations ended.
+    pub statuses: Vec<SqpStatus>,
+    /// How many QPs were solved.
+    pub sqp_iterations: Vec<usize>,
+    /// The largest KKT residuals.
+    pub kkt: Vec<f64>,
+}
+
+/// The results of a batch of control steps with derivatives.
+#[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
+pub struct GradientBatch {
+    /// The steps.
+    pub steps: StepBatch,
+    /// Whether the plans are differentiable.
+    pub regularities: Vec<Regularity>,
+    /// The gradients in all that the problem is given.
+    pub gradients: Vec<ProblemDerivative>,
+}
+
+/// The rows of [`Situations`], checked.
+struct Checked<'a> {
+    steps: usize,
+    x: Rows<'a>,
+    reference: Rows<'a>,
+    u_before: Rows<'a>,
+    parameters: Option<Rows<'a>>,
+}
+
+/// One step's results.
+struct Step {
+    u: Vec<f64>,
+    inputs: Vec<f64>,
+    status: SqpStatus,
+    sqp_iterations: usize,
+    kkt: f64,
+}
+
+impl NmpcBatch {
+    /// Makes one controller for each of `threads` threads, 0: one per core. All must be the same.
+    ///
+    /// # Errors
+    ///
+    /// An error of `make`.
+    pub fn new<E>(threads: usize, mut make: impl FnMut() -> Result<Nmpc, E>) -> Result<Self, E> {
+        let workers = (0..self::threads(threads)).map(|_| make()).collect::<Result<_, _>>()?;
+        Ok(Self { workers })
+    }
+
+    /// Returns the controller.
+    #[must_use]
+    pub fn nmpc(&self) -> &Nmpc {
+        &self.workers[0]
+    }
+
+    /// Takes control steps, each from a plan that stays at its state and holds its last input.
+    /// Where a number of a state is not finite the input before is held.
+    ///
+    /// # Errors
+    ///
+    /// [`MpcError`] if a list is of the wrong length, or a number of references, inputs or
+    /// parameters is not finite.
+    pub fn steps(&mut self, at: Situations<'_>) -> Result<StepBatch, MpcError> {
+        let at = self.check(at)?;
+        let steps = share(&mut self.workers, at.steps, |nmpc, k| at.step(nmpc, k));
+        Ok(StepBatch::collect(steps.into_iter().collect::<Result<_, _>>()?))
+    }
+
+    /// Takes control steps, and returns for each the gradient of a function of its plan's inputs,
+    /// from the gradient `by_inputs` of that function. `smoothing` is as in [`Nmpc::sensitivity`].
+    ///
+    /// # Shapes
+    ///
+    /// `by_inputs`: `[steps, k m]`, with the gradients in the first k inputs, or `[m]` for all steps.
+    ///
+    /// # Errors
+    ///
+    /// As [`NmpcBatch::steps`]; also if a state is not finite, or `by_inputs` of the wrong length.
+    pub fn gradients(
+        &mut self,
+        at: Situations<'_>,
+        by_inputs: &[f64],
+        smoothing: Option<f64>,
+    ) -> Result<GradientBatch, MpcError> {
+        let at = self.check(at)?;
+        let m = self.nmpc().model().dims().nu;
+        let shared = by_inputs.len() == m;
+        let width = if shared { m } else { by_inputs.len() / at.steps.max(1) };
+        let by_inputs = Rows::new("by_inputs", by_inputs, width, at.steps)?;
+        let one = |nmpc: &mut Nmpc, k: usize| {
+            let step = at.step(nmpc, k)?;
+            let (reference, before) = (at.reference.at(k), at.u_before.at(k));
+            let mut sensitivity = nmpc.sensitivity(reference, before, smoothing)?;
+            let gradient = sensitivity.adjoint(&[], by_inputs.at(k))?;
+            Ok((step, (sensitivity.regularity(), gradient)))
+        };
+        let done = share(&mut self.workers, at.steps, one);
+        let done: Vec<_> = done.into_iter().collect::<Result<_, MpcError>>()?;
+        let (steps, derivatives): (Vec<_>, Vec<_>) = done.into_iter().unzip();
+        let (regularities, gradients) = derivatives.into_iter().unzip();
+        Ok(GradientBatch { steps: StepBatch::collect(steps), regularities, gradients })
+    }
+
+    fn check<'a>(&self, at: Situations<'a>) -> Result<Checked<'a>, MpcError> {
+        let nmpc = self.nmpc();
+        let (dims, problem) = (nmpc.model().dims(), nmpc.problem());
+        let steps = count("x", at.x, dims.nx)?;
+        let window = problem.horizon * problem.tracked.len();
+        let parameters = (!at.parameters.is_empty())
+            .then(|| Rows::new("parameters", at.parameters, dims.np, steps));
+        Ok(Checked {
+            steps,
+            x: Rows::new("x", at.x, dims.nx, steps)?,
+            reference: Rows::new("reference", at.reference, window, steps)?,
+            u_before: Rows::new("u_before", at.u_before, dims.nu, steps)?,
+            parameters: parameters.transpose()?,
+        })
+    }
+}
+
+impl Checked<'_> {
+    fn step(&self, nmpc: &mut Nmpc, k: usize) -> Result<Step, MpcError> {
+        if let Some(parameters) = self.parameters {
+            nmpc.set_parameters(parameters.at(k))?;
+        }
+        nmpc.reset_input(self.u_before.at(k))?;
+        let step = nmpc.step(self.x.at(k), self.reference.at(k))?;
+        let (u, status) = (step.u.to_vec(), step.status);
+        let (sqp_iterations, kkt) = (step.sqp_iterations, step.kkt.max());
+        Ok(Step { u, inputs: nmpc.plan().inputs().to_vec(), status, sqp_iterations, kkt })
+    }
+}
+
+impl StepBatch {
+    fn collect(steps: Vec<Step>) -> Self {
+        let mut all = Self::default();
+        for Step { u, inputs, status, sqp_iterations, kkt } in steps {
+            all.u.extend(u);
+            all.inputs.extend(inputs);
+            all.statuses.push(status);
+            all.sqp_iterations.push(sqp_iterations);
+            all.kkt.push(kkt);
+        }
+        all
+    }
+}

@@ -1,0 +1,262 @@
+//! Batches against steps, loops and models one by one.
+
+use pinc_batch::{GradientLoops, LoopCost, Loops, ModelBatch, NmpcBatch, Situations};
+use pinc_mpc::{
+    Bounds, ClosedLoop, Given, MpcError, Nmpc, NmpcProblem, Reference, Softness, SqpConfig,
+    SqpStatus, Tracked, Weights,
+};
+use pinc_ode::{AccurateIntegrator, Model, Rk4, Simulator};
+use pinc_plants::{FourTanks, VanDerPol};
+
+fn tanks() -> Rk4<FourTanks> {
+    Rk4::new(FourTanks::antonelo(), 10.0, 4)
+}
+
+fn nmpc() -> Result<Nmpc, MpcError> {
+    let weights = Weights::uniform(vec![10.0; 2], vec![1.0; 2]);
+    let problem = NmpcProblem {
+        tracked: Tracked::states([0, 1]),
+        state_bounds: Bounds::new(vec![2.0, 2.0, 0.6, 0.6], vec![20.0, 20.0, 5.5, 5.5]),
+        state_softness: Softness::Exact,
+        input_bounds: Bounds::new(vec![0.0; 2], vec![5.0; 2]),
+        ..NmpcProblem::new(tanks().dims(), 5, weights)
+    };
+    Nmpc::new(problem, Box::new(tanks()), SqpConfig::default())
+}
+
+/// A controller whose units follow the states: without bounds, these tell how large they are.
+fn oscillator() -> Result<Nmpc, MpcError> {
+    let model = Rk4::new(VanDerPol::default(), 0.5, 4);
+    let weights = Weights::uniform(vec![10.0; 2], vec![1.0]);
+    Nmpc::new(NmpcProblem::new(model.dims(), 5, weights), Box::new(model), SqpConfig::default())
+}
+
+/// Numbers that are spread over [0, 1).
+fn spread(k: usize) -> f64 {
+    (k as f64 * 0.618_033_988_749_895).fract()
+}
+
+fn states(count: usize) -> Vec<f64> {
+    (0..count * 4)
+        .map(|i| match i % 4 {
+            0 | 1 => 2.0 + 18.0 * spread(i),
+            _ => 0.6 + 4.9 * spread(i),
+        })
+        .collect()
+}
+
+#[test]
+fn steps_are_the_same_alone_and_on_any_number_of_threads() {
+    let count = 200;
+    let x = states(count);
+    let reference: Vec<f64> =
+        (0..count).flat_map(|k| [5.0 + 10.0 * spread(3 * k), 12.0].repeat(5)).collect();
+    let u_before: Vec<f64> = (0..count * 2).map(|i| 5.0 * spread(i + 7)).collect();
+    let at = Situations { x: &x, reference: &reference, u_before: &u_before, parameters: &[] };
+    let alone = NmpcBatch::new(1, nmpc).unwrap().steps(at).unwrap();
+    for threads in [2, 5] {
+        let mut batch = NmpcBatch::new(threads, nmpc).unwrap();
+        assert_eq!(batch.steps(at).unwrap(), alone, "{threads}");
+        assert_eq!(batch.steps(at).unwrap(), alone, "{threads}, again");
+    }
+    for k in (0..count).step_by(17) {
+        let mut nmpc = nmpc().unwrap();
+        nmpc.reset_to(&x[4 * k..][..4], &u_before[2 * k..][..2]).unwrap();
+        let step = nmpc.step(&x[4 * k..][..4], &reference[10 * k..][..10]).unwrap();
+        assert_eq!(step.u, &alone.u[2 * k..][..2], "{k}");
+        assert_eq!(step.status, alone.statuses[k], "{k}");
+        assert_eq!(step.sqp_iterations, alone.sqp_iterations[k], "{k}");
+        assert_eq!(nmpc.plan().inputs(), &alone.inputs[10 * k..][..10], "{k}");
+    }
+    let converged = alone.statuses.iter().filter(|status| **status == SqpStatus::Converged);
+    assert!(converged.count() > count / 2);
+}
+
+#[test]
+fn a_large_state_leaves_no_trace_in_the_steps_after_it() {
+    let x: Vec<f64> =
+        (0..40).flat_map(|k| if k % 3 == 0 { [3e4, 0.0] } else { [spread(k), 0.1] }).collect();
+    let at = Situations { x: &x, reference: &[0.0; 10], u_before: &[0.0], parameters: &[] };
+    let together = NmpcBatch::new(1, oscillator).unwrap().steps(at).unwrap();
+    for k in 0..40 {
+        let at = Situations { x: &x[2 * k..][..2], ..at };
+        let alone = NmpcBatch::new(1, oscillator).unwrap().steps(at).unwrap();
+        assert_eq!(alone.u[0].to_bits(), together.u[k].to_bits(), "{k}");
+        assert_eq!(alone.sqp_iterations[0], together.sqp_iterations[k], "{k}");
+    }
+}
+
+#[test]
+fn gradients_are_those_of_the_controller() {
+    let x = states(30);
+    let reference = [12.0, 11.0].repeat(5);
+    let at = Situations { x: &x, reference: &reference, u_before: &[2.0, 2.5], parameters: &[] };
+    let mut batch = NmpcBatch::new(2, nmpc).unwrap();
+    let found = batch.gradients(at, &[1.0, -0.5], None).unwrap();
+    assert_eq!(found.steps, batch.steps(at).unwrap());
+    for k in 0..30 {
+        let mut nmpc = nmpc().unwrap();
+        nmpc.reset_to(&x[4 * k..][..4], &[2.0, 2.5]).unwrap();
+        nmpc.step(&x[4 * k..][..4], &reference).unwrap();
+        let mut one = nmpc.sensitivity(&reference, &[2.0, 2.5], None).unwrap();
+        assert_eq!(one.regularity(), found.regularities[k], "{k}");
+        let gradient = one.adjoint(&[], &[1.0, -0.5]).unwrap();
+        let bits = |values: &[f64]| values.iter().map(|v| v.to_bits()).collect::<Vec<_>>();
+        assert_eq!(bits(gradient.values()), bits(found.gradients[k].values()), "{k}");
+        assert_eq!(gradient.get(Given::State).len(), 4);
+    }
+}
+
+#[test]
+fn loops_are_those_of_one_controller() {
+    let reference = |k: usize| Reference::new([5.0 + 9.0 * spread(k), 10.0].repeat(12), 2).unwrap();
+    let references: Vec<_> = (0..9).map(reference).collect();
+    let plant: Simulator = AccurateIntegrator::new(FourTanks::antonelo(), 1e-9).into();
+    let plants = [plant];
+    let x = states(9);
+    let given = Loops {
+        x: &x,
+        references: &references,
+        plants: &plants,
+        u_before: &[1.0, 2.0],
+        preview: false,
+    };
+    let found = NmpcBatch::new(2, nmpc).unwrap().loops(given).unwrap();
+    assert_eq!(NmpcBatch::new(1, nmpc).unwrap().loops(given).unwrap(), found);
+    for (k, trace) in found.iter().enumerate() {
+        let mut nmpc = nmpc().unwrap();
+        let plant = plants[0].clone();
+        let run = ClosedLoop::new(&mut nmpc, plant, references[k].clone(), &x[4 * k..][..4]);
+        let run = run.unwrap().with_initial_input(&[1.0, 2.0]).unwrap();
+        let mut run = run.without_preview();
+        run.run().unwrap();
+        assert_eq!(run.state(), &trace.states[12 * 4..], "{k}");
+        assert_eq!(run.tracking_at_steps().iae_sum().to_bits(), trace.iae.to_bits(), "{k}");
+        assert_eq!((trace.inputs.len(), trace.statuses.len()), (24, 12));
+        assert_eq!(trace.error, None);
+    }
+}
+
+#[test]
+fn a_rollout_is_one_step_after_another() {
+    let x = states(50);
+    let u = [1.0, 2.0, 3.0, 2.0, 0.5, 4.0];
+    let mut batch = ModelBatch::new(3, || Box::new(tanks()));
+    let found = batch.rollouts(&x, &u, &[]).unwrap();
+    let mut at = x.clone();
+    for step in 0..3 {
+        at = batch.steps(&at, &u[2 * step..][..2], &[]).unwrap();
+        for k in 0..50 {
+            assert_eq!(found[(3 * k + step) * 4..][..4], at[4 * k..][..4], "{k}");
+        }
+    }
+    let mut next = [0.0; 4];
+    tanks().step(&x[4..8], &u[..2], &[], &mut next);
+    assert_eq!(next.map(f64::to_bits), [0, 1, 2, 3].map(|i| found[12 + i].to_bits()));
+}
+
+#[test]
+fn lists_of_the_wrong_length_are_named() {
+    let mut batch = NmpcBatch::new(1, nmpc).unwrap();
+    let (x, reference) = (states(3), [12.0, 11.0].repeat(5));
+    let at = Situations { x: &x, reference: &reference, u_before: &[0.0; 2], parameters: &[] };
+    for (at, message) in [
+        (Situations { x: &x[..11], ..at }, "x: 11 numbers, but 8 are expected"),
+        (
+            Situations { reference: &reference[..9], ..at },
+            "reference: 9 numbers, but 30 are expected",
+        ),
+        (Situations { u_before: &[0.0; 3], ..at }, "u_before: 3 numbers, but 6 are expected"),
+    ] {
+        assert_eq!(batch.steps(at).unwrap_err().to_string(), message);
+    }
+    let nan = [f64::NAN, 1.0];
+    assert!(batch.steps(Situations { u_before: &nan, ..at }).is_err());
+    let none = Situations { x: &[], ..at };
+    assert!(batch.steps(none).unwrap().u.is_empty());
+}
+
+/// A controller of the oscillator with these weights, a softened bound, and a terminal weight.
+fn tuned(q: [f64; 2], r: f64, terminal: f64, penalty: f64) -> Result<Nmpc, MpcError> {
+    let model = Rk4::new(VanDerPol::default(), 0.5, 4);
+    let weights = Weights::uniform(q.to_vec(), vec![r]).with_terminal(vec![terminal, 1.0]);
+    let problem = NmpcProblem {
+        control_horizon: 3,
+        state_bounds: Bounds::new(vec![-0.25, -2.0], vec![0.6, 2.0]),
+        state_softness: Softness::Penalty(vec![penalty, 50.0]),
+        input_bounds: Bounds::new(vec![-0.7], vec![0.7]),
+        ..NmpcProblem::new(model.dims(), 5, weights)
+    };
+    let config = SqpConfig { tolerance: 1e-11, max_iterations: 200, ..SqpConfig::default() };
+    Nmpc::new(problem, Box::new(model), config)
+}
+
+/// The plant differs from the model, so that the loop does not follow the plans.
+#[test]
+fn gradients_of_loops_are_those_of_differences() {
+    let plant = || -> Box<dyn Model> { Box::new(Rk4::new(VanDerPol { mu: 1.3 }, 0.5, 8)) };
+    let values: Vec<f64> = (0..14).flat_map(|k| [if k < 7 { 0.5 } else { -0.3 }, 0.0]).collect();
+    let reference = [Reference::new(values, 2).unwrap()];
+    let cost = LoopCost { errors: &[3.0, 0.5], increments: &[0.2], violations: &[40.0, 1.0] };
+    let run = |numbers: [f64; 8], threads: usize| {
+        let [q1, q2, r, terminal, penalty, x1, x2, before] = numbers;
+        let mut batch = NmpcBatch::new(threads, || tuned([q1, q2], r, terminal, penalty)).unwrap();
+        let given = GradientLoops {
+            x: &[x1, x2],
+            references: &reference,
+            u_before: &[before],
+            parameters: &[],
+            cost,
+            smoothing: None,
+            preview: true,
+        };
+        batch.loop_gradients(given, plant).unwrap().remove(0)
+    };
+    let at = [8.0, 1.0, 0.4, 12.0, 3.0, 0.1, -0.35, 0.1];
+    let found = run(at, 1);
+    assert_eq!(found, run(at, 2));
+    let of = |given: Given, i: usize| found.gradient.get(given)[i];
+    let gradient = [
+        of(Given::Q, 0),
+        of(Given::Q, 1),
+        of(Given::R, 0),
+        of(Given::Terminal, 0),
+        of(Given::StatePenalty, 0),
+        of(Given::State, 0),
+        of(Given::State, 1),
+        of(Given::AppliedInput, 0),
+    ];
+    assert_eq!(found.irregular, 0);
+    let largest = gradient.iter().fold(0.0_f64, |most, g| most.max(g.abs()));
+    for (i, gradient) in gradient.into_iter().enumerate() {
+        let step = 1e-5 * at[i].abs();
+        let moved = |length: f64| {
+            let mut numbers = at;
+            numbers[i] += length;
+            run(numbers, 1).cost
+        };
+        let expected = (moved(step) - moved(-step)) / (2.0 * step);
+        let error = (gradient - expected).abs();
+        assert!(error < 1e-6 * largest + 1e-6 * expected.abs(), "{i}: {gradient} {expected}");
+    }
+
+    // The cost is what its definition says.
+    let mut nmpc = tuned([8.0, 1.0], 0.4, 12.0, 3.0).unwrap();
+    nmpc.reset_input(&[0.1]).unwrap();
+    let (mut x, mut before, mut sum, mut outside) = (vec![0.1, -0.35], 0.1, 0.0, 0.0);
+    for k in 0..14 {
+        let mut window = [0.0; 10];
+        reference[0].preview(k, &mut window);
+        let u = nmpc.step(&x, &window).unwrap().u[0];
+        let mut next = [0.0; 2];
+        plant().step(&x, &[u], &[], &mut next);
+        x = next.to_vec();
+        let beyond = (x[0] - 0.6).max(0.0) + (-0.25 - x[0]).max(0.0);
+        outside += beyond;
+        sum += 3.0 * (x[0] - window[0]).powi(2) + 0.5 * x[1].powi(2) + 40.0 * beyond.powi(2);
+        sum += 0.2 * (u - before).powi(2);
+        before = u;
+    }
+    assert!((found.cost - sum).abs() < 1e-9 * sum, "{} {sum}", found.cost);
+    assert!(outside > 0.01, "a loop that violates no bound says nothing of their weights");
+}

@@ -1,0 +1,524 @@
+//! Derivatives of a plan in the numbers that its problem is given.
+
+mod curvature;
+mod data;
+mod entries;
+mod limits;
+mod system;
+
+pub use data::{Given, ProblemDerivative};
+
+use crate::constraint::Constraint;
+use crate::cost::Targets;
+use crate::error::{check_finite, check_range, check_setting};
+use crate::kkt::KktResidual;
+use crate::solution::Solution;
+use crate::{MpcError, Nmpc, Tracked};
+use curvature::Curvature;
+use data::Layout;
+use entries::{ByParameters, Conditions, Entries};
+use limits::{Limit, Smoothed, rows};
+use pinc_qp::{Kind, Multipliers, OcpDims, Qp, Row, all_finite};
+use std::fmt;
+use system::{KktSystem, Places};
+
+/// A row is about to become active or inactive if its room and its multiplier are both below this
+/// many tolerances of the controller.
+const MARGIN: f64 = 100.0;
+
+/// The most steps to a smoothed plan, and the halvings of each.
+const SMOOTHING_STEPS: usize = 60;
+const HALVINGS: usize = 12;
+
+/// A smoothed plan is found when a step moves it by this part of its size.
+const SMOOTH_ENOUGH: f64 = 1e-10;
+
+/// Whether a plan is a differentiable function of the numbers that its problem is given.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[non_exhaustive]
+pub enum Regularity {
+    /// It is.
+    Regular,
+    /// This constraint is about to become active or inactive: the plan has a kink, and the
+    /// derivatives are those of the side on which the constraint is inactive. A smoothed plan has
+    /// derivatives everywhere.
+    Kink(Constraint),
+    /// The conditions have no unique solution near the plan, because its active constraints depend on
+    /// each other or the cost does not determine it; or the model has no derivatives there.
+    Singular,
+    /// The plan is no solution: its step did not converge, or it was given other numbers than are
+    /// said here; or there is no smoothed plan near it.
+    NotOptimal,
+}
+
+/// The name, as `regular`.
+impl fmt::Display for Regularity {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Regular => "regular",
+            Self::Kink(_) => "kink",
+            Self::Singular => "singular",
+            Self::NotOptimal => "not-optimal",
+        })
+    }
+}
+
+/// The derivatives of a plan, by the implicit function theorem: the optimality conditions hold
+/// whatever the problem is given, so that
+///
+/// ```text
+/// K (dz, dlambda, dmu) = - dF/dgiven dgiven
+/// ```
+///
+/// with the conditions F and their Jacobian K: the exact Hessian of the Lagrangian (see
+/// [`Solution`]), the dynamics, and the limits that are active. One factorization of K, a band of
+/// the horizon's length, serves any number of products forward and adjoint. Second derivatives of
+/// model, outputs, h, g and stage cost are central differences of the exact first ones.
+///
+/// Where a limit becomes active or inactive, the plan has a kink. A *smoothed* plan solves the
+/// problem with the limits' complementarity relaxed to multiplier times distance = tau, as in an
+/// interior-point method; it is differentiable everywhere, stays away from its limits, and for
+/// tau -> 0 becomes the plan.
+///
+/// References: Fiacco, *Introduction to Sensitivity and Stability Analysis in Nonlinear Programming*
+/// (1983); Frey et al., "Differentiable nonlinear model predictive control" (2025), for the
+/// smoothing.
+///
+/// ```
+/// use pinc_mpc::{Given, Nmpc, NmpcProblem, Regularity, SqpConfig, Weights};
+/// use pinc_ode::{Model, Rk4};
+/// use pinc_plants::VanDerPol;
+///
+/// let model = Rk4::new(VanDerPol::default(), 0.5, 4);
+/// let problem = NmpcProblem::new(model.dims(), 5, Weights::uniform(vec![10.0; 2], vec![1.0]));
+/// let mut nmpc = Nmpc::new(problem, Box::new(model), SqpConfig::default())?;
+/// nmpc.step(&[0.3, 0.1], &[0.0; 10])?;
+/// let mut sensitivity = nmpc.sensitivity(&[0.0; 10], &[0.0], None)?;
+/// assert_eq!(sensitivity.regularity(), Regularity::Regular);
+/// // The gradient of the first input.
+/// let gradient = sensitivity.adjoint(&[], &[1.0])?;
+/// assert_eq!(gradient.get(Given::State).len(), 2);
+/// # Ok::<(), pinc_mpc::MpcError>(())
+/// ```
+#[derive(Debug)]
+pub struct Sensitivity<'a> {
+    nmpc: &'a mut Nmpc,
+    layout: Layout,
+    plan: Solution,
+    qp: Qp,
+    system: KktSystem,
+    curvature: Curvature,
+    limits: Vec<Limit>,
+    entries: Entries,
+    regularity: Regularity,
+}
+
+/// A plan and what it was made for.
+pub(super) struct Plan<'a> {
+    x0: &'a [f64],
+    z: &'a [f64],
+    multipliers: &'a Multipliers,
+    targets: Targets<'a>,
+    tracked: &'a [Tracked],
+}
+
+impl Nmpc {
+    /// Differentiates the plan of the last step, which was given `reference` and found
+    /// `u_before` applied last; `smoothing` is tau of a smoothed plan, in units of the cost.
+    ///
+    /// # Shapes
+    ///
+    /// `reference`: `[N2, outputs]`; `u_before`: `m`.
+    ///
+    /// # Errors
+    ///
+    /// [`MpcError`] if an argument is of the wrong length or not finite, or `smoothing` not
+    /// positive.
+    pub fn sensitivity(
+        &mut self,
+        reference: &[f64],
+        u_before: &[f64],
+        smoothing: Option<f64>,
+    ) -> Result<Sensitivity<'_>, MpcError> {
+        let dims = self.sqp.dims();
+        let outputs = self.problem().tracked.len();
+        check_finite("reference", reference, dims.horizon * outputs)?;
+        check_finite("u_before", u_before, dims.nu)?;
+        if let Some(tau) = smoothing {
+            check_setting("smoothing", tau, "positive and finite", tau > 0.0 && tau.is_finite())?;
+        }
+        let targets = Targets { reference, previous: u_before };
+        let mut sensitivity = Sensitivity::new(self);
+        sensitivity.evaluate(targets);
+        let margin = MARGIN * sensitivity.nmpc.config().tolerance;
+        sensitivity.find_limits(margin);
+        match smoothing {
+            None => sensitivity.differentiate(targets, None),
+            Some(tau) => sensitivity.smooth(targets, tau),
+        }
+        Ok(sensitivity)
+    }
+}
+
+impl<'a> Sensitivity<'a> {
+    fn new(nmpc: &'a mut Nmpc) -> Self {
+        let problem = nmpc.problem();
+        let (dims, model) = (nmpc.sqp.dims(), nmpc.horizon.dims());
+        let plain = nmpc.sqp.transcription.plain();
+        // Second derivatives couple states with both inputs beside them.
+        let qp = match plain.s_before.is_empty() {
+            true => plain.clone().with_end_cost(),
+            false => plain.clone(),
+        };
+        Self {
+            layout: Layout::new(problem, dims),
+            plan: nmpc.plan().clone(),
+            qp,
+            system: KktSystem::default(),
+            curvature: Curvature::new(problem, dims, model),
+            limits: Vec::new(),
+            entries: Entries::default(),
+            regularity: Regularity::Regular,
+            nmpc,
+        }
+    }
+
+    /// Returns whether the plan is differentiable where it is.
+    #[must_use]
+    pub fn regularity(&self) -> Regularity {
+        self.regularity
+    }
+
+    /// Returns the plan that is differentiated: the last step's, or the smoothed one.
+    #[must_use]
+    pub fn plan(&self) -> &Solution {
+        &self.plan
+    }
+
+    /// Returns a change of 0 of all numbers that the problem is given.
+    #[must_use]
+    pub fn no_change(&self) -> ProblemDerivative {
+        ProblemDerivative::new(self.layout.clone())
+    }
+
+    /// Returns by how much the plan and its multipliers change with the numbers that the problem is
+    /// given, made from [`Sensitivity::no_change`]. Of a symmetric matrix only the symmetric part
+    /// counts. NaN where the plan is singular.
+    ///
+    /// # Errors
+    ///
+    /// [`MpcError`] if a number of `change` is not finite.
+    pub fn forward(&mut self, change: &ProblemDerivative) -> Result<Solution, MpcError> {
+        let expected = self.no_change().values().len();
+        check_finite("change", change.values(), expected)?;
+        let dims = self.dims();
+        let mut moved = Solution::new(dims);
+        if self.regularity == Regularity::Singular {
+            moved.z.fill(f64::NAN);
+            moved.multipliers.parts_mut().into_iter().for_each(|part| part.fill(f64::NAN));
+            return Ok(moved);
+        }
+        let mut vector = vec![0.0; Places::new(dims).length];
+        self.entries.apply(change.values(), &mut vector);
+        let Nmpc { horizon, sqp, .. } = &mut *self.nmpc;
+        self.curvature.subtract_along_parameters(
+            horizon,
+            &mut sqp.transcription,
+            change.get(Given::Parameters),
+            &mut vector,
+        );
+        self.system.solve(&mut vector);
+        moved.z.copy_from_slice(&vector[..dims.unknowns()]);
+        let (dynamics, limits) =
+            vector[dims.unknowns()..].split_at(moved.multipliers.dynamics.len());
+        moved.multipliers.dynamics.copy_from_slice(dynamics);
+        set_limits(&mut moved.multipliers, limits);
+        Ok(moved)
+    }
+
+    /// Returns the gradient of a function of the plan in all numbers that the problem is given,
+    /// from its gradient in the planned states and inputs. Missing last numbers of the two count as
+    /// 0. NaN where the plan is singular.
+    ///
+    /// # Shapes
+    ///
+    /// `by_states`: up to `[N2, n]`; `by_inputs`: up to `[Nu, m]`: with the first m numbers, the
+    /// gradient of the input to apply.
+    ///
+    /// # Errors
+    ///
+    /// [`MpcError`] if one of them is too long or not finite.
+    pub fn adjoint(
+        &mut self,
+        by_states: &[f64],
+        by_inputs: &[f64],
+    ) -> Result<ProblemDerivative, MpcError> {
+        let dims = self.dims();
+        check_range("by_states", by_states.len(), 0, dims.all_states())?;
+        check_range("by_inputs", by_inputs.len(), 0, dims.all_inputs())?;
+        check_finite("by_states", by_states, by_states.len())?;
+        check_finite("by_inputs", by_inputs, by_inputs.len())?;
+        let mut gradient = self.no_change();
+        if self.regularity == Regularity::Singular {
+            gradient.values_mut().fill(f64::NAN);
+            return Ok(gradient);
+        }
+        let mut w = vec![0.0; Places::new(dims).length];
+        w[..by_states.len()].copy_from_slice(by_states);
+        w[dims.all_states()..][..by_inputs.len()].copy_from_slice(by_inputs);
+        self.system.solve(&mut w);
+        self.entries.apply_transposed(&w, gradient.values_mut());
+        let Nmpc { horizon, sqp, .. } = &mut *self.nmpc;
+        self.curvature.subtract_adjoint(
+            horizon,
+            &mut sqp.transcription,
+            &w[..dims.unknowns()],
+            gradient.get_mut(Given::Parameters),
+        );
+        Ok(gradient)
+    }
+
+    fn dims(&self) -> OcpDims {
+        self.qp.dims
+    }
+
+    /// Writes the problem at the plan into `qp`, in the plant's units.
+    fn evaluate(&mut self, targets: Targets<'_>) {
+        let Nmpc { horizon, sqp, start, .. } = &mut *self.nmpc;
+        let at = [start.as_slice(), &self.plan.z];
+        let plain = sqp.transcription.plain();
+        self.qp.q.copy_from_slice(&plain.q);
+        [&mut self.qp.s, &mut self.qp.s_before, &mut self.qp.t]
+            .into_iter()
+            .for_each(|block| block.fill(0.0));
+        sqp.transcription.evaluate_plain(horizon, at, targets, &mut self.qp);
+        sqp.transcription.take_linearized();
+    }
+
+    /// Finds which limits are active, in the units of the optimization, and whether the plan is
+    /// optimal.
+    fn find_limits(&mut self, margin: f64) {
+        let transcription = &self.nmpc.sqp.transcription;
+        let (mut qp, mut at) = (self.qp.clone(), self.plan.clone());
+        let units = &transcription.units;
+        if !units.is_identity() {
+            units.scale_constants(&mut qp);
+            units.scale_constraints(&mut qp);
+            units.scale_cost(&mut qp, 0.0);
+            units.convert(&mut at.multipliers, false);
+        }
+        let residual = KktResidual::new(&qp, &at, &mut vec![0.0; qp.gradient.len()]).max();
+        let multipliers = limit_multipliers(&at.multipliers);
+        let mut kink = None;
+        self.limits.clear();
+        for (i, (row, mu)) in rows(&qp).zip(multipliers).enumerate() {
+            let (mut limit, side) = Limit::of(row, mu, margin);
+            let place = place(qp.dims, i);
+            if place.0 == Kind::Row && !has_unknowns(&qp, place.1) {
+                limit = Limit::of([f64::NEG_INFINITY, f64::INFINITY, f64::INFINITY], 0.0, 0.0).0;
+            } else if let Some(upper) = side {
+                let (kind, index) = place;
+                kink = kink.or(Some(transcription.name(Row { kind, index, upper })));
+            }
+            self.limits.push(limit);
+        }
+        let tolerance = self.nmpc.config().tolerance;
+        self.regularity = if residual > 10.0 * tolerance {
+            Regularity::NotOptimal
+        } else {
+            kink.map_or(Regularity::Regular, Regularity::Kink)
+        };
+    }
+
+    /// Factors the conditions' Jacobian at the plan, and collects their derivatives in what is
+    /// given.
+    fn differentiate(&mut self, targets: Targets<'_>, smoothed: Option<&Smoothed>) {
+        if let Some(smoothed) = smoothed {
+            let multipliers = limit_multipliers(&self.plan.multipliers);
+            self.limits = smoothed.linearize(&self.qp, &multipliers).0;
+        }
+        if !self.factor(targets) {
+            self.regularity = Regularity::Singular;
+            return;
+        }
+        let dims = self.dims();
+        let nmpc = &mut *self.nmpc;
+        let problem = nmpc.problem().clone();
+        let p = nmpc.parameters().to_vec();
+        let plan = Plan {
+            x0: &nmpc.start,
+            z: &self.plan.z,
+            multipliers: &self.plan.multipliers,
+            targets,
+            tracked: &problem.tracked,
+        };
+        let with_outputs = problem.uses_outputs();
+        let by_parameters = ByParameters::new(&mut nmpc.horizon, dims, (&plan, &p), with_outputs);
+        self.entries = Entries::new(&Conditions {
+            problem: &problem,
+            transcription: &nmpc.sqp.transcription,
+            layout: &self.layout,
+            plan: &plan,
+            qp: &self.qp,
+            limits: &self.limits,
+            by_start: &self.curvature.by_start,
+            by_parameters: &by_parameters,
+        });
+    }
+
+    /// Adds the curvature to the problem at the plan, and factors.
+    fn factor(&mut self, targets: Targets<'_>) -> bool {
+        let p = self.nmpc.parameters().to_vec();
+        let tracked = self.nmpc.problem().tracked.clone();
+        let Nmpc { horizon, sqp, start, .. } = &mut *self.nmpc;
+        let plan = Plan {
+            x0: start,
+            z: &self.plan.z,
+            multipliers: &self.plan.multipliers,
+            targets,
+            tracked: &tracked,
+        };
+        self.curvature.add(horizon, &mut sqp.transcription, (&plan, &p), &mut self.qp);
+        let Qp { q, s, s_before, t, a, b, .. } = &self.qp;
+        let finite = [q, s, s_before, t, a, b].into_iter().all(|part| all_finite(part));
+        let compliance: Vec<f64> = self.limits.iter().map(|limit| limit.compliance).collect();
+        finite && self.system.factor(&self.qp, &compliance)
+    }
+
+    /// Moves the plan to the smoothed one by damped Newton steps.
+    fn smooth(&mut self, targets: Targets<'_>, tau: f64) {
+        if self.regularity == Regularity::NotOptimal {
+            return self.differentiate(targets, None);
+        }
+        self.regularity = Regularity::Regular;
+        let multipliers = limit_multipliers(&self.plan.multipliers);
+        let mut smoothed = Smoothed::new(&self.qp, &multipliers, tau);
+        smoothed.write_to(&self.qp, &mut self.plan.multipliers);
+        for _ in 0..SMOOTHING_STEPS {
+            match self.smoothing_step(targets, &smoothed) {
+                Some((next, true)) => return self.differentiate(targets, Some(&next)),
+                Some((next, false)) => smoothed = next,
+                None => break,
+            }
+        }
+        self.differentiate(targets, Some(&smoothed));
+        self.regularity = Regularity::NotOptimal;
+    }
+
+    /// One step towards the smoothed plan, and whether it is there; `None` if no step is good.
+    fn smoothing_step(
+        &mut self,
+        targets: Targets<'_>,
+        smoothed: &Smoothed,
+    ) -> Option<(Smoothed, bool)> {
+        let dims = self.dims();
+        let at = Places::new(dims);
+        let before = self.residual(smoothed);
+        let multipliers = limit_multipliers(&self.plan.multipliers);
+        let (limits, right) = smoothed.linearize(&self.qp, &multipliers);
+        self.limits = limits;
+        let mut vector = vec![0.0; at.length];
+        self.qp.lagrangian_gradient(&self.plan.multipliers, &mut vector[..dims.unknowns()]);
+        vector[at.dynamics..at.bounds].copy_from_slice(&self.qp.c);
+        vector[..at.bounds].iter_mut().for_each(|value| *value = -*value);
+        vector[at.bounds..].copy_from_slice(&right);
+        if !self.factor(targets) {
+            return None;
+        }
+        self.system.solve(&mut vector);
+        let moves = self.row_moves(&vector);
+        let step = smoothed.step(&self.qp, &moves);
+        let base = self.plan.clone();
+        let mut length = 1.0;
+        for halving in 0..HALVINGS {
+            let next = smoothed.moved(&step, length);
+            self.move_plan(&base, &vector, length);
+            self.evaluate(targets);
+            next.write_to(&self.qp, &mut self.plan.multipliers);
+            let after = self.residual(&next);
+            let arrived = halving == 0 && after.is_finite() && small(&base.z, &vector);
+            if after <= before || arrived {
+                return Some((next, arrived));
+            }
+            length *= 0.5;
+        }
+        None
+    }
+
+    /// The squared residuals of the smoothed conditions.
+    fn residual(&self, smoothed: &Smoothed) -> f64 {
+        let mut gradient = vec![0.0; self.dims().unknowns()];
+        self.qp.lagrangian_gradient(&self.plan.multipliers, &mut gradient);
+        let squares = gradient.iter().chain(&self.qp.c).map(|value| value * value);
+        squares.sum::<f64>() + smoothed.residual(&self.qp)
+    }
+
+    /// By how much the values of bounds, increments and rows change.
+    fn row_moves(&self, vector: &[f64]) -> Vec<f64> {
+        let (qp, dims) = (&self.qp, self.dims());
+        let mut moves = vector[..dims.unknowns()].to_vec();
+        for v in dims.all_states()..dims.unknowns() {
+            let before = if v < dims.all_states() + dims.nu { 0.0 } else { vector[v - dims.nu] };
+            moves.push(vector[v] - before);
+        }
+        for row in 0..dims.all_rows() {
+            let slopes = entries::row_slopes(qp, row);
+            moves.push(slopes.into_iter().map(|(v, slope)| slope * vector[v]).sum());
+        }
+        moves
+    }
+
+    /// Moves states, inputs and all multipliers along a step from `base`.
+    fn move_plan(&mut self, base: &Solution, step: &[f64], length: f64) {
+        for ((to, from), step) in self.plan.z.iter_mut().zip(&base.z).zip(step) {
+            *to = from + length * step;
+        }
+        let from = base.multipliers.parts().into_iter().flatten();
+        let to = self.plan.multipliers.parts_mut().into_iter().flatten();
+        for ((to, from), step) in to.zip(from).zip(&step[base.z.len()..]) {
+            *to = from + length * step;
+        }
+    }
+}
+
+impl Smoothed {
+    /// Writes its multipliers to those of a plan.
+    fn write_to(&self, qp: &Qp, multipliers: &mut Multipliers) {
+        let mut limits = limit_multipliers(multipliers);
+        self.write(qp, &mut limits);
+        set_limits(multipliers, &limits);
+    }
+}
+
+/// Whether a step is small beside the plan.
+fn small(z: &[f64], step: &[f64]) -> bool {
+    z.iter().zip(step).all(|(z, step)| step.abs() <= SMOOTH_ENOUGH * (1.0 + z.abs()))
+}
+
+/// The multipliers of bounds, increments and rows.
+fn limit_multipliers(multipliers: &Multipliers) -> Vec<f64> {
+    let [_, bounds, increments, rows] = multipliers.parts();
+    [bounds, increments, rows].concat()
+}
+
+fn set_limits(multipliers: &mut Multipliers, from: &[f64]) {
+    let [_, bounds, increments, rows] = multipliers.parts_mut();
+    let all = bounds.iter_mut().chain(increments).chain(rows);
+    all.zip(from).for_each(|(to, from)| *to = *from);
+}
+
+/// The kind of limit `i` of all, and its place among its kind.
+fn place(dims: OcpDims, i: usize) -> (Kind, usize) {
+    match i.checked_sub(dims.unknowns()) {
+        None => (Kind::Bound, i),
+        Some(i) => match i.checked_sub(dims.all_inputs()) {
+            None => (Kind::Increment, i),
+            Some(row) => (Kind::Row, row),
+        },
+    }
+}
+
+/// Whether a row depends on the unknowns: outputs at the measured state may not.
+fn has_unknowns(qp: &Qp, row: usize) -> bool {
+    entries::row_slopes(qp, row).iter().any(|(_, slope)| *slope != 0.0)
+}

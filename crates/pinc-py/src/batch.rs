@@ -1,0 +1,328 @@
+//! A controller for many states at once.
+
+use crate::arrays::{Array, Given, array, values};
+use crate::config::experiment;
+use crate::controller::{GivenModel, kind};
+use crate::errors::{input, of_mpc, of_run};
+use crate::gradient::by_name;
+use numpy::{PyArrayDyn, PyUntypedArrayMethods};
+use pinc_batch::{LoopTrace, Situations};
+use pinc_mpc::Reference;
+use pinc_runs::BatchController;
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+use std::sync::{Mutex, MutexGuard, PoisonError};
+
+/// The controller of a config for many states at once, on all cores.
+#[pyclass(module = "pinc", frozen)]
+#[derive(Debug)]
+pub(crate) struct NmpcBatch {
+    controller: Mutex<BatchController>,
+}
+
+/// What came of many control steps.
+#[pyclass(module = "pinc", frozen, get_all)]
+#[derive(Debug)]
+pub(crate) struct StepBatch {
+    /// The inputs to apply.
+    u: Py<PyArrayDyn<f64>>,
+    /// The planned inputs.
+    inputs: Py<PyArrayDyn<f64>>,
+    /// How the optimizations ended.
+    status: Vec<String>,
+    /// How many quadratic programs were solved.
+    sqp_iterations: Vec<usize>,
+    /// The KKT residuals.
+    kkt: Py<PyArrayDyn<f64>>,
+}
+
+/// What came of many control steps, with gradients.
+#[pyclass(module = "pinc", frozen, get_all)]
+#[derive(Debug)]
+pub(crate) struct GradientBatch {
+    /// The steps.
+    steps: Py<StepBatch>,
+    /// Whether the plans are differentiable.
+    regularity: Vec<String>,
+    /// An array per kind of number.
+    values: Py<PyDict>,
+}
+
+/// What came of many closed loops.
+#[pyclass(module = "pinc", frozen, get_all)]
+#[derive(Debug)]
+pub(crate) struct LoopBatch {
+    /// The states at the control steps.
+    states: Py<PyArrayDyn<f64>>,
+    /// The inputs.
+    inputs: Py<PyArrayDyn<f64>>,
+    /// How the optimizations ended.
+    status: Vec<Vec<String>>,
+    /// The tracking errors.
+    iae: Py<PyArrayDyn<f64>>,
+    /// By how much bounds were violated.
+    max_violation: Py<PyArrayDyn<f64>>,
+    /// Why loops ended early.
+    error: Vec<Option<String>>,
+}
+
+/// The arguments of a batch of steps.
+struct Arguments {
+    x: Vec<f64>,
+    reference: Vec<f64>,
+    u_before: Vec<f64>,
+    parameters: Vec<f64>,
+    steps: usize,
+}
+
+impl Arguments {
+    fn at(&self) -> Situations<'_> {
+        Situations {
+            x: &self.x,
+            reference: &self.reference,
+            u_before: &self.u_before,
+            parameters: &self.parameters,
+        }
+    }
+}
+
+impl NmpcBatch {
+    fn lock(&self) -> MutexGuard<'_, BatchController> {
+        self.controller.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Reads the arguments of a batch of steps.
+    fn arguments(
+        &self,
+        x: &Given<'_>,
+        reference: &Given<'_>,
+        u_before: Option<&Given<'_>>,
+        parameters: Option<&Given<'_>>,
+    ) -> PyResult<Arguments> {
+        let controller = self.lock();
+        let nmpc = controller.batch().nmpc();
+        let (dims, problem) = (nmpc.model().dims(), nmpc.problem());
+        let steps = rows(x, "x", dims.nx)?;
+        let (stages, outputs) = (problem.horizon, problem.tracked.len());
+        let values_of = values(reference);
+        let reference = match *reference.shape() {
+            [width] if width == outputs => values_of.repeat(stages),
+            [count, width] if count == steps && width == outputs => {
+                values_of.chunks_exact(outputs).flat_map(|row| row.repeat(stages)).collect()
+            }
+            [count, n2, width] if count == steps && n2 == stages && width == outputs => values_of,
+            _ => {
+                return Err(input(format!(
+                    "reference: expected {outputs} numbers, or an array of shape ({steps}, \
+                     {outputs}) or ({steps}, {stages}, {outputs})"
+                )));
+            }
+        };
+        let u_before = match u_before {
+            None => controller.initial_input(),
+            Some(u_before) => shared_rows(u_before, "u_before", dims.nu, steps)?,
+        };
+        let parameters = parameters.map(|p| shared_rows(p, "parameters", dims.np, steps));
+        let parameters = parameters.transpose()?.unwrap_or_else(|| problem.parameters.clone());
+        Ok(Arguments { x: values(x), reference, u_before, parameters, steps })
+    }
+}
+
+#[pymethods]
+impl NmpcBatch {
+    #[new]
+    #[pyo3(signature = (config, model=None, only=None, overrides=None, threads=0))]
+    fn new(
+        config: &Bound<'_, PyAny>,
+        model: Option<GivenModel<'_>>,
+        only: Option<&str>,
+        overrides: Option<&Bound<'_, PyAny>>,
+        threads: usize,
+    ) -> PyResult<Self> {
+        let experiment = experiment(config, overrides)?;
+        let only = only.map(kind).transpose()?;
+        let controller = GivenModel::with(model.as_ref(), |model| {
+            BatchController::new(&experiment, model, only, threads, "pinc.NmpcBatch")
+        });
+        let controller = controller.map_err(|error| of_run(&error))?;
+        Ok(Self { controller: Mutex::new(controller) })
+    }
+
+    /// Takes control steps, each afresh.
+    #[pyo3(signature = (x, reference, u_before=None, parameters=None))]
+    fn steps(
+        &self,
+        py: Python<'_>,
+        x: Given<'_>,
+        reference: Given<'_>,
+        u_before: Option<Given<'_>>,
+        parameters: Option<Given<'_>>,
+    ) -> PyResult<StepBatch> {
+        let given = self.arguments(&x, &reference, u_before.as_ref(), parameters.as_ref())?;
+        let steps = py.detach(|| self.lock().batch_mut().steps(given.at()));
+        step_batch(py, steps.map_err(of_mpc)?, given.steps)
+    }
+
+    /// Takes control steps with gradients of functions of the plans' inputs.
+    #[pyo3(signature = (x, reference, by_inputs, u_before=None, parameters=None, smoothing=None))]
+    #[expect(clippy::too_many_arguments, reason = "the arguments of a step, by name in Python")]
+    fn gradients(
+        &self,
+        py: Python<'_>,
+        x: Given<'_>,
+        reference: Given<'_>,
+        by_inputs: Given<'_>,
+        u_before: Option<Given<'_>>,
+        parameters: Option<Given<'_>>,
+        smoothing: Option<f64>,
+    ) -> PyResult<GradientBatch> {
+        let given = self.arguments(&x, &reference, u_before.as_ref(), parameters.as_ref())?;
+        let seeds = match *by_inputs.shape() {
+            [_] => values(&by_inputs).repeat(given.steps),
+            [count, ..] if count == given.steps => values(&by_inputs),
+            _ => {
+                return Err(input(format!(
+                    "by_inputs: expected a vector, or an array whose first dimension is {}",
+                    given.steps
+                )));
+            }
+        };
+        let found = py.detach(|| self.lock().batch_mut().gradients(given.at(), &seeds, smoothing));
+        let found = found.map_err(of_mpc)?;
+        Ok(GradientBatch {
+            values: by_name(py, &found.gradients, Some(given.steps))?,
+            regularity: found.regularities.iter().map(ToString::to_string).collect(),
+            steps: Py::new(py, step_batch(py, found.steps, given.steps)?)?,
+        })
+    }
+
+    /// Runs closed loops with the config's plant.
+    #[pyo3(signature = (x, references, u_before=None))]
+    fn loops(
+        &self,
+        py: Python<'_>,
+        x: Given<'_>,
+        references: Given<'_>,
+        u_before: Option<Given<'_>>,
+    ) -> PyResult<LoopBatch> {
+        let controller = self.lock();
+        let nmpc = controller.batch().nmpc();
+        let (dims, outputs) = (nmpc.model().dims(), nmpc.problem().tracked.len());
+        let loops = rows(&x, "x", dims.nx)?;
+        let numbers = values(&references);
+        let steps = match *references.shape() {
+            [steps, width] if width == outputs => steps,
+            [count, steps, width] if count == loops && width == outputs => steps,
+            _ => {
+                return Err(input(format!(
+                    "references: expected an array of shape (steps, {outputs}) or ({loops}, \
+                     steps, {outputs})"
+                )));
+            }
+        };
+        let each = numbers.chunks((steps * outputs).max(1));
+        let references = each.map(|each| Reference::new(each.to_vec(), outputs));
+        let references: Vec<_> = references.collect::<Result<_, _>>().map_err(of_mpc)?;
+        let u_before = match &u_before {
+            None => controller.initial_input(),
+            Some(u_before) => shared_rows(u_before, "u_before", dims.nu, loops)?,
+        };
+        let x = values(&x);
+        drop(controller);
+        let traces = py.detach(|| self.lock().loops(&x, &references, &u_before));
+        let traces = traces.map_err(|error| of_run(&error))?;
+        loop_batch(py, &traces, [steps, dims.nx, dims.nu])
+    }
+
+    /// Names of the states.
+    #[getter]
+    fn states(&self) -> Vec<String> {
+        self.lock().variables().state_names()
+    }
+
+    /// Names of the inputs.
+    #[getter]
+    fn inputs(&self) -> Vec<String> {
+        self.lock().variables().input_names()
+    }
+
+    /// Names of what is controlled: the columns of a reference.
+    #[getter]
+    fn controlled(&self) -> Vec<String> {
+        self.lock().spec().controlled.clone()
+    }
+
+    /// N2, the number of steps ahead.
+    #[getter]
+    fn horizon(&self) -> usize {
+        self.lock().spec().n2
+    }
+
+    /// Length T of a step in s.
+    #[getter]
+    fn sample_time_s(&self) -> f64 {
+        self.lock().batch().nmpc().model().sample_time_s()
+    }
+}
+
+/// How many rows of `width` numbers there are.
+fn rows(given: &Given<'_>, name: &str, width: usize) -> PyResult<usize> {
+    match *given.shape() {
+        [rows, found] if found == width => Ok(rows),
+        _ => Err(input(format!("{name}: expected an array of shape (rows, {width})"))),
+    }
+}
+
+/// Rows of `width` numbers, as many as `count` or one for all.
+fn shared_rows(given: &Given<'_>, name: &str, width: usize, count: usize) -> PyResult<Vec<f64>> {
+    match *given.shape() {
+        [found] if found == width => Ok(values(given)),
+        [rows, found] if found == width && rows == count => Ok(values(given)),
+        _ => Err(input(format!(
+            "{name}: expected {width} numbers, or an array of shape ({count}, {width})"
+        ))),
+    }
+}
+
+fn step_batch(py: Python<'_>, found: pinc_batch::StepBatch, steps: usize) -> PyResult<StepBatch> {
+    let m = found.u.len() / steps.max(1);
+    let controls = found.inputs.len() / (steps * m).max(1);
+    Ok(StepBatch {
+        u: array(py, found.u, Some(steps), &[m])?.unbind(),
+        inputs: array(py, found.inputs, Some(steps), &[controls, m])?.unbind(),
+        status: found.statuses.iter().map(ToString::to_string).collect(),
+        sqp_iterations: found.sqp_iterations,
+        kkt: array(py, found.kkt, Some(steps), &[])?.unbind(),
+    })
+}
+
+/// Loops that ended early have NaN for what is missing.
+fn loop_batch(
+    py: Python<'_>,
+    traces: &[LoopTrace],
+    [steps, n, m]: [usize; 3],
+) -> PyResult<LoopBatch> {
+    let padded =
+        |numbers: fn(&LoopTrace) -> &[f64], rows: usize, width: usize| -> PyResult<Array<'_>> {
+            let mut all = Vec::new();
+            for trace in traces {
+                all.extend_from_slice(numbers(trace));
+                let missing = rows * width - numbers(trace).len();
+                all.extend(std::iter::repeat_n(f64::NAN, missing));
+            }
+            array(py, all, Some(traces.len()), &[rows, width])
+        };
+    let one = |number: fn(&LoopTrace) -> f64| -> PyResult<Py<PyArrayDyn<f64>>> {
+        let numbers = traces.iter().map(number).collect();
+        Ok(array(py, numbers, Some(traces.len()), &[])?.unbind())
+    };
+    let status = |trace: &LoopTrace| trace.statuses.iter().map(ToString::to_string).collect();
+    Ok(LoopBatch {
+        states: padded(|trace| &trace.states, steps + 1, n)?.unbind(),
+        inputs: padded(|trace| &trace.inputs, steps, m)?.unbind(),
+        status: traces.iter().map(status).collect(),
+        iae: one(|trace| trace.iae)?,
+        max_violation: one(|trace| trace.max_violation)?,
+        error: traces.iter().map(|trace| trace.error.as_ref().map(ToString::to_string)).collect(),
+    })
+}

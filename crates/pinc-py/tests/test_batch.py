@@ -1,0 +1,175 @@
+"""Many control steps and loops at once, and their derivatives."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import pinc
+
+# The smoke test's plant, with a cost that tells q1 and q2 apart.
+WEIGHTS = {"control.q": [8.0, 3.0], "control.sqp.tolerance": 1e-10}
+
+
+def states(count: int) -> Any:
+    """Random states of the oscillator from which its bounds can be met."""
+    random = np.random.default_rng(4)
+    return random.uniform([-0.8, -0.3], [0.8, 0.3], (count, 2))
+
+
+@pytest.fixture(scope="module")
+def batch(smoke: Path) -> pinc.NmpcBatch:
+    """The controller with RK4."""
+    return pinc.NmpcBatch(smoke, only="rk4", overrides=WEIGHTS, threads=2)
+
+
+def test_a_batch_takes_the_steps_of_one_controller(smoke: Path, batch: pinc.NmpcBatch) -> None:
+    x = states(50)
+    reference = np.linspace(-0.4, 0.4, 100).reshape(50, 2)
+    before = np.linspace(-0.5, 0.5, 50)[:, None]
+    steps = batch.steps(x, reference, before)
+    alone = pinc.NmpcBatch(smoke, only="rk4", overrides=WEIGHTS, threads=1)
+    assert np.array_equal(steps.u, alone.steps(x, reference, before).u)
+    assert steps.u.shape == (50, 1) and steps.inputs.shape == (50, batch.horizon, 1)
+    one = pinc.Nmpc(smoke, only="rk4", overrides=WEIGHTS)
+    for k in range(0, 50, 7):
+        one.reset()
+        step = one.step(x[k], reference[k], u_applied=before[k])
+        assert np.abs(step.u - steps.u[k]).max() < 1e-7
+        assert step.status == steps.status[k] == "converged"
+    whole = np.repeat(reference[:, None, :], batch.horizon, axis=1)
+    assert np.array_equal(batch.steps(x, whole, before).u, steps.u)
+
+
+def test_gradients_are_those_of_differences(smoke: Path, batch: pinc.NmpcBatch) -> None:
+    x, reference, before = states(20), np.array([0.1, 0.0]), np.array([0.05])
+    found = batch.gradients(x, reference, [1.0], before)
+    regular = np.array([name == "regular" for name in found.regularity])
+    assert regular.sum() > 10
+    step = 1e-4
+
+    def difference(low: Any, high: Any) -> Any:
+        return (high.u[:, 0] - low.u[:, 0]) / (2 * step)
+
+    for i, e in enumerate(np.eye(2) * step):
+        by_x = difference(batch.steps(x - e, reference, before), batch.steps(x + e, reference, before))
+        assert np.abs(found.values["state"][regular, i] - by_x[regular]).max() < 1e-5
+        by_r = difference(batch.steps(x, reference - e, before), batch.steps(x, reference + e, before))
+        gradient = found.values["reference"].reshape(20, batch.horizon, 2).sum(axis=1)
+        assert np.abs(gradient[regular, i] - by_r[regular]).max() < 1e-5
+    by_u = difference(batch.steps(x, reference, before - step), batch.steps(x, reference, before + step))
+    assert np.abs(found.values["applied_input"][regular, 0] - by_u[regular]).max() < 1e-5
+
+    # A weight, by other controllers; what is the same at all stages may be given stage by stage.
+    other = [
+        pinc.NmpcBatch(smoke, only="rk4", overrides={**WEIGHTS, "control.q": [8.0 + d, 3.0]})
+        for d in (-step, step)
+    ]
+    by_q = difference(*(batch.steps(x, reference, before) for batch in other))
+    gradient = found.values["q"].reshape(20, -1, 2).sum(axis=1)[:, 0]
+    scale = found.values["q"].shape[1] // 2
+    assert scale in (1, batch.horizon)
+    assert np.abs(gradient[regular] - by_q[regular]).max() < 1e-5
+
+
+def test_one_controller_differentiates_its_last_plan(smoke: Path, batch: pinc.NmpcBatch) -> None:
+    one = pinc.Nmpc(smoke, only="rk4", overrides=WEIGHTS)
+    one.step([0.3, 0.1], [0.1, 0.0], u_applied=[0.2])
+    gradient = one.adjoint([1.0])
+    same = batch.gradients([[0.3, 0.1]], [0.1, 0.0], [1.0], [0.2])
+    assert gradient.regularity == same.regularity[0] == "regular"
+    for kind, values in gradient.values.items():
+        assert np.allclose(values, same.values[kind][0], atol=1e-6), kind
+    moved = one.sensitivity({"state": [1.0, 0.0], "applied_input": [0.5]})
+    expected = gradient.values["state"][0] + 0.5 * gradient.values["applied_input"][0]
+    assert abs(moved.inputs[0, 0] - expected) < 1e-9
+    assert moved.states.shape == (one.horizon, 2) and moved.regularity == "regular"
+    smooth = one.adjoint([1.0], smoothing=1e-4).values["input_high"]
+    assert smooth[0] > 0 == gradient.values["input_high"][0]
+    with pytest.raises(pinc.InputError, match="applied_inputs"):
+        one.sensitivity({"applied_inputs": [0.5]})
+    with pytest.raises(pinc.InputError, match="2 numbers given, expected 1"):
+        one.sensitivity({"applied_input": [0.5, 0.5]})
+
+
+def test_loops_are_those_of_a_controller_and_the_plant(batch: pinc.NmpcBatch) -> None:
+    x = states(6)
+    references = np.zeros((6, 15, 2))
+    references[:, :, 0] = np.linspace(-0.3, 0.3, 6)[:, None]
+    loops = batch.loops(x, references)
+    assert loops.states.shape == (6, 16, 2) and loops.inputs.shape == (6, 15, 1)
+    assert np.array_equal(loops.states[:, 0], x)
+    first = batch.steps(x, references[:, 0])
+    assert np.abs(first.u - loops.inputs[:, 0]).max() < 1e-9
+    assert loops.error == [None] * 6 and {s for row in loops.status for s in row} == {"converged"}
+    errors = np.abs(loops.states[:, 1:] - references).sum(axis=(1, 2))
+    assert np.allclose(errors, loops.iae)
+    assert loops.max_violation.max() < 1e-6
+    assert np.abs(loops.states[:, -1, 0] - references[:, 0, 0]).max() < 0.05
+
+
+def test_what_does_not_fit_is_named(smoke: Path, batch: pinc.NmpcBatch) -> None:
+    with pytest.raises(pinc.InputError, match="x: expected an array of shape"):
+        batch.steps([0.1, 0.2], [0.0, 0.0])
+    with pytest.raises(pinc.InputError, match="reference: expected 2 numbers"):
+        batch.steps(states(3), np.zeros((2, 2)))
+    with pytest.raises(pinc.InputError, match="by_inputs"):
+        batch.gradients(states(3), [0.0, 0.0], np.zeros((2, 1)))
+    with pytest.raises(pinc.InputError, match="smoothing is -1"):
+        batch.gradients(states(3), [0.0, 0.0], [1.0], smoothing=-1.0)
+    tanks = smoke.parents[1] / "estimation" / "tanks.toml"
+    with pytest.raises(pinc.InputError, match="estimator"):
+        pinc.NmpcBatch(tanks, only="rk4").loops(np.full((1, 4), 3.0), np.full((4, 2), 10.0))
+
+
+def test_torch_differentiates_a_policy(batch: pinc.NmpcBatch) -> None:
+    torch = pytest.importorskip("torch")
+    policy = pinc.torch_policy(batch)
+    x = torch.tensor(states(5), requires_grad=True)
+    reference = torch.tensor([0.1, 0.0], dtype=torch.float64, requires_grad=True)
+    before = torch.zeros(1, dtype=torch.float64, requires_grad=True)
+    u = policy(x, reference, before)
+    assert np.array_equal(u.detach().numpy(), batch.steps(x.detach().numpy(), [0.1, 0.0], [0.0]).u)
+    u.square().sum().backward()
+    seed = 2 * u.detach().numpy()
+    found = batch.gradients(x.detach().numpy(), [0.1, 0.0], seed, [0.0]).values
+    assert np.allclose(x.grad.numpy(), found["state"])
+    by_reference = found["reference"].reshape(5, batch.horizon, 2).sum(axis=(0, 1))
+    assert np.allclose(reference.grad.numpy(), by_reference)
+    assert np.allclose(before.grad.numpy(), found["applied_input"].sum(axis=0))
+
+
+def test_torch_learns_a_reference_from_the_cost_of_a_loop(batch: pinc.NmpcBatch) -> None:
+    """Steps through the controller: the set point that brings the first input to 0.1."""
+    torch = pytest.importorskip("torch")
+    policy = pinc.torch_policy(batch)
+    x = torch.tensor([[0.2, 0.1]], dtype=torch.float64)
+    reference = torch.zeros(2, dtype=torch.float64, requires_grad=True)
+    before = torch.zeros(1, dtype=torch.float64)
+    optimizer = torch.optim.SGD([reference], lr=0.3)
+    for _ in range(60):
+        optimizer.zero_grad()
+        loss = (policy(x, reference, before) - 0.1).square().sum()
+        loss.backward()
+        optimizer.step()
+    assert abs(policy(x, reference, before).item() - 0.1) < 1e-3
+
+
+def test_jax_differentiates_a_policy(batch: pinc.NmpcBatch) -> None:
+    jax = pytest.importorskip("jax")
+    jax.config.update("jax_enable_x64", True)
+    policy = pinc.jax_policy(batch)
+    x = states(5)
+    reference, before = np.array([0.1, 0.0]), np.zeros(1)
+
+    def loss(x: Any, reference: Any, before: Any) -> Any:
+        return (policy(x, reference, before) ** 2).sum()
+
+    gradients = jax.jit(jax.grad(loss, argnums=(0, 1, 2)))(x, reference, before)
+    u = batch.steps(x, reference, before).u
+    found = batch.gradients(x, reference, 2 * u, before).values
+    assert np.allclose(gradients[0], found["state"])
+    by_reference = found["reference"].reshape(5, batch.horizon, 2).sum(axis=(0, 1))
+    assert np.allclose(gradients[1], by_reference)
+    assert np.allclose(gradients[2], found["applied_input"].sum(axis=0))
