@@ -22,9 +22,12 @@ const CRATES: [(&str, &[&str]); 22] = [
     ("pinc-mpc", &["pinc-ad", "pinc-ode", "pinc-qp"]),
     ("pinc-estimate", &["pinc-mpc", "pinc-ode", "pinc-qp"]),
     ("pinc-identify", &["pinc-estimate", "pinc-ode"]),
-    ("pinc-export", &["pinc-estimate", "pinc-expr", "pinc-mpc", "pinc-net", "pinc-ode"]),
-    ("pinc-external", &["pinc-ad", "pinc-ode"]),
     ("pinc-verify", &["pinc-ad", "pinc-expr", "pinc-net", "pinc-ode"]),
+    (
+        "pinc-export",
+        &["pinc-estimate", "pinc-expr", "pinc-mpc", "pinc-net", "pinc-ode", "pinc-verify"],
+    ),
+    ("pinc-external", &["pinc-ad", "pinc-ode"]),
     (
         "pinc-config",
         &[
@@ -49,6 +52,7 @@ const CRATES: [(&str, &[&str]); 22] = [
             "pinc-net",
             "pinc-ode",
             "pinc-record",
+            "pinc-verify",
         ],
     ),
     ("pinc-choose", &["pinc-config", "pinc-net", "pinc-ode", "pinc-record"]),
