@@ -57,7 +57,7 @@ impl BoxMap<'_> {
         let Self { labels, variables, preferred, domain, mark, .. } = *self;
         let second = if preferred > 1 { 0..preferred } else { 0..variables.len() };
         let pairs = (0..preferred).flat_map(|a| second.clone().map(move |b| (a, b)));
-        let spread = |pair: &(usize, usize)| variance(&self.largest(*pair, COARSE));
+        let spread = |pair: &(usize, usize)| self.between(*pair);
         let pairs = pairs.filter(|(a, b)| a < b);
         let (across, up) = pairs.max_by(|one, other| {
             // The first of two alike.
@@ -105,6 +105,29 @@ impl BoxMap<'_> {
         (filled().map(area).collect(), ends)
     }
 
+    /// By how much the cells of a coarse grid differ: the variance of the means of the logarithms of
+    /// the boxes that touch them.
+    fn between(&self, (across, up): (usize, usize)) -> f64 {
+        let mut cells = vec![(0.0, 0.0); COARSE * COARSE];
+        for part in self.boxes {
+            let log = part.value.unwrap_or(f64::INFINITY).clamp(LEAST, 1.0 / LEAST).log10();
+            let [columns, rows] =
+                [across, up].map(|i| covered(self.domain[i], part.ends[i], COARSE));
+            for row in rows {
+                for (sum, number) in
+                    &mut cells[row * COARSE + columns.start..row * COARSE + columns.end]
+                {
+                    *sum += log;
+                    *number += 1.0;
+                }
+            }
+        }
+        let filled = || cells.iter().filter(|(_, number)| *number > 0.0);
+        let (sum, number) = filled().fold((0.0, 0.0), |all, cell| (all.0 + cell.0, all.1 + cell.1));
+        let mean = sum / number;
+        filled().map(|(sum, number)| number * (sum / number - mean).powi(2)).sum()
+    }
+
     /// The largest value of the boxes that touch each cell of a grid over two variables, row by row;
     /// infinite where one of them has none, negative infinite where there is no box.
     fn largest(&self, (across, up): (usize, usize), size: usize) -> Vec<f64> {
@@ -135,14 +158,6 @@ fn covered([low, high]: [f64; 2], part: [f64; 2], size: usize) -> std::ops::Rang
     let [first, last] = [share(part[0]).floor() as usize, share(part[1]).ceil() as usize];
     let first = first.min(size - 1);
     first..last.clamp(first + 1, size)
-}
-
-/// How much the logarithms of the cells that have a box vary.
-fn variance(cells: &[f64]) -> f64 {
-    let filled = || cells.iter().filter(|value| **value > f64::NEG_INFINITY);
-    let logs = || filled().map(|value| value.clamp(LEAST, 1e16).log10());
-    let mean = logs().sum::<f64>() / count(filled().count().max(1));
-    logs().map(|log| (log - mean).powi(2)).sum()
 }
 
 #[expect(clippy::cast_precision_loss, reason = "a few thousand")]

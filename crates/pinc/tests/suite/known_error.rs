@@ -188,8 +188,9 @@ fn check_exported_estimates(dir: &Path, model: &str) {
         assert_eq!(ended.code, Some(0), "{ended:?}");
     }
     export(&["--to", "fmu"]).assert_refused(&["--errors", "--to fmu"]);
-    let integrator = ["experiment.toml", "--only", "rk4", "--to", "c"];
-    export(&integrator).assert_refused(&["estimated error of an integrator"]);
+    let integrator = ["export", "--errors", "experiment.toml", "--only", "rk4", "--to", "c"];
+    let refused = outcome(pinc(&integrator).current_dir(dir));
+    refused.assert_refused(&["estimated error of an integrator"]);
     fs::copy(model, dir.join("alone.safetensors")).unwrap();
     let alone = ["export", "--errors", "--model", "alone.safetensors", "--to", "c"];
     outcome(pinc(&alone).current_dir(dir)).assert_refused(&["config.toml"]);
