@@ -38,7 +38,7 @@ pub enum ExportError {
     Estimator(#[from] EstimateError),
     /// A net whose error cannot be estimated.
     #[error("the estimated error: {0}")]
-    Estimate(#[from] VerifyError),
+    Estimate(Box<VerifyError>),
     /// A net of a family of plants by itself.
     #[error(
         "the net takes the parameters {0} as inputs; export the controller of its config, which fixes them"
@@ -71,6 +71,12 @@ pub(crate) fn finite<'v>(
     match values.into_iter().all(|value| value.is_finite()) {
         true => Ok(()),
         false => Err(ExportError::NotFinite { what: what.into() }),
+    }
+}
+
+impl From<VerifyError> for ExportError {
+    fn from(error: VerifyError) -> Self {
+        Self::Estimate(Box::new(error))
     }
 }
 
