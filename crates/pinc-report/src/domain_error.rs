@@ -9,7 +9,6 @@ use pinc_record::{DomainErrorTable, file};
 const MOST_CELLS: usize = 24;
 const POINTS_OF_A_CELL: usize = 6;
 
-/// The map, if the errors of the net are there.
 pub(crate) fn picture(run: &Run) -> Option<Picture> {
     let table = run.domain_error.as_ref().filter(|table| !table.errors.is_empty())?;
     let domain = run.experiment.domain.as_ref()?;
@@ -44,7 +43,6 @@ pub(crate) fn picture(run: &Run) -> Option<Picture> {
     })
 }
 
-/// The points, as boxes without extent.
 fn boxes(table: &DomainErrorTable) -> impl Iterator<Item = ValuedBox> {
     table.points.iter().zip(&table.errors).map(|(point, error)| ValuedBox {
         ends: point.iter().map(|value| [*value, *value]).collect(),
@@ -52,7 +50,6 @@ fn boxes(table: &DomainErrorTable) -> impl Iterator<Item = ValuedBox> {
     })
 }
 
-/// Where the largest error is.
 fn worst(run: &Run) -> Option<Vec<f64>> {
     let at = &run.metrics.as_ref()?.validation.as_ref()?.domain_error.as_ref()?.max_at;
     let parameters = &run.experiment.domain.as_ref()?.parameters;

@@ -93,10 +93,6 @@ fn over_the_domain(metrics: &Metrics) -> Option<NumberTable> {
         ("RK4 with 4 substeps", shown(of.rk4.four)),
     ];
     table.rows.extend(rest.map(|(label, value)| vec![label.to_owned(), value]));
-    let proven = of.proven.to_string();
-    if !proven.is_empty() {
-        table.rows.push(vec!["Everywhere".to_owned(), proven]);
-    }
     Some(table)
 }
 

@@ -62,7 +62,6 @@ fn errors_that_are_no_numbers_are_hatched() {
     assert!(!stems(dir.path()).contains(&"domain-error".to_owned()));
 }
 
-/// The estimated errors of the net beside the true ones, with the tolerance and what came of it.
 #[test]
 fn the_errors_of_the_net_are_drawn_along_the_loop() {
     let dir = whole();
@@ -82,7 +81,6 @@ fn the_errors_of_the_net_are_drawn_along_the_loop() {
     let judged = r#""model_error": { "steps": 100, "beyond": 42, "largest": { "a": 1e-4 },
         "tolerance": { "a": 5e-5 } }, "model": "pinc","#;
     let metrics = METRICS.replacen(r#""model": "pinc","#, judged, 1);
-    assert!(metrics.len() > METRICS.len());
     write(&dir, "metrics.json", &metrics);
     let picture = svg(dir.path(), "model-error");
     assert_sound(&picture);
