@@ -23,9 +23,12 @@ const CRATES: [(&str, &[&str]); 24] = [
     ("pinc-batch", &["pinc-mpc", "pinc-ode"]),
     ("pinc-estimate", &["pinc-mpc", "pinc-ode", "pinc-qp"]),
     ("pinc-identify", &["pinc-estimate", "pinc-ode"]),
-    ("pinc-export", &["pinc-estimate", "pinc-expr", "pinc-mpc", "pinc-net", "pinc-ode"]),
-    ("pinc-external", &["pinc-ad", "pinc-ode"]),
     ("pinc-verify", &["pinc-ad", "pinc-expr", "pinc-net", "pinc-ode"]),
+    (
+        "pinc-export",
+        &["pinc-estimate", "pinc-expr", "pinc-mpc", "pinc-net", "pinc-ode", "pinc-verify"],
+    ),
+    ("pinc-external", &["pinc-ad", "pinc-ode"]),
     (
         "pinc-config",
         &[
@@ -50,6 +53,7 @@ const CRATES: [(&str, &[&str]); 24] = [
             "pinc-net",
             "pinc-ode",
             "pinc-record",
+            "pinc-verify",
         ],
     ),
     ("pinc-choose", &["pinc-config", "pinc-net", "pinc-ode", "pinc-record"]),

@@ -26,7 +26,7 @@ mod scale;
 mod svg;
 pub mod text;
 
-pub use box_map::{MapLabels, ValuedBox, box_map};
+pub use box_map::{BoxMap, MapLabels, ValuedBox};
 pub use color::{
     AMBER, BLACK, BLUE, Color, GREEN, GREY, INK, PURPLE, SKY, VERMILLION, graded, input_color,
     state_color,

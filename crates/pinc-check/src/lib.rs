@@ -25,6 +25,7 @@ mod loop_plant;
 mod memory;
 mod net_size;
 mod numbers;
+mod proven;
 mod references;
 mod region;
 mod rehearsal;
@@ -37,6 +38,7 @@ mod work;
 pub use cost::{Cost, ModelCost};
 pub use finding::{Finding, Severity};
 pub use memory::hidden_memory;
+pub use proven::{proven_error, step_error};
 pub use soundness::{IntegratorBox, Soundness};
 pub use work::{Metered, Work};
 

@@ -1,12 +1,14 @@
 //! Whether an integrator is sound in a box: the one criterion of `pinc check` and `pinc choose`.
 
 use crate::numbers::short;
+use crate::proven::proven_error;
 use crate::region;
 use crate::work::{Metered, Work};
 use pinc_analysis::{Complex, OperatingPoint, Region, StabilityFunction, StateSpace};
 use pinc_config::Experiment;
 use pinc_net::{Domain, DomainError, DomainTruth, RmsError, ValidationConfig};
 use pinc_ode::{Dims, DynPlant, Integrator, Model};
+use pinc_verify::StepModel;
 
 /// Random points at which the stability of explicit methods is examined; fewer for many states.
 const STABILITY_POINTS: usize = 200;
@@ -31,6 +33,8 @@ const PILOT: usize = 32;
 /// plant has fewer points, at the cost of [`RmsError::uncertainty`].
 pub struct IntegratorBox<'a> {
     plant: &'a dyn DynPlant,
+    experiment: &'a Experiment,
+    domain: Domain,
     /// The plant with the parameters that vary over the domain.
     family: Option<Box<dyn DynPlant>>,
     region_name: &'static str,
@@ -81,14 +85,14 @@ impl<'a> IntegratorBox<'a> {
     /// The box of an experiment whose plant is `plant`; `None` if the config has neither a domain
     /// nor a loop, or no length of a step, or if the plant is a black box.
     #[must_use]
-    pub fn of(plant: &'a dyn DynPlant, experiment: &Experiment) -> Option<Self> {
+    pub fn of(plant: &'a dyn DynPlant, experiment: &'a Experiment) -> Option<Self> {
         Self::within(plant, experiment, &Work::with_limit(crate::work::SHARE))
     }
 
     /// The box, with a budget of work for the truth.
     pub(crate) fn within(
         plant: &'a dyn DynPlant,
-        experiment: &Experiment,
+        experiment: &'a Experiment,
         work: &Work,
     ) -> Option<Self> {
         if plant.black_box().is_some() {
@@ -132,7 +136,18 @@ impl<'a> IntegratorBox<'a> {
         let points = STABILITY_POINTS * crate::MANY_STATES / region.dims.nx.max(crate::MANY_STATES);
         let modes = region.points(seed).take(points);
         let modes = modes.filter_map(|point| modes_at(plant, &point)).collect();
-        Some(Self { plant, family, region_name, region, step_s, modes, truth, wanted })
+        Some(Self {
+            plant,
+            experiment,
+            domain,
+            family,
+            region_name,
+            region,
+            step_s,
+            modes,
+            truth,
+            wanted,
+        })
     }
 
     /// Returns the name of the box.
@@ -163,6 +178,14 @@ impl<'a> IntegratorBox<'a> {
     pub(crate) fn worst(&mut self, integrator: Integrator, substeps: usize) -> Option<DomainError> {
         let mut model = self.model(integrator, substeps)?;
         self.truth.as_mut().map(|truth| truth.judge(&mut *model))
+    }
+
+    /// A proven bound of the error of one step, in widths of the box, if a
+    /// [small proof](proven_error) gives one.
+    #[must_use]
+    pub fn proven(&self, integrator: Integrator, substeps: usize, threads: usize) -> Option<f64> {
+        let model = StepModel::RungeKutta(integrator.tableau()?, substeps);
+        proven_error(&self.experiment.plant, &self.domain, model, self.step_s, threads)
     }
 
     /// The least number of substeps with which an explicit method is stable at all points; `None`

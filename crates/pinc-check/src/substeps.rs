@@ -2,7 +2,7 @@
 //! loop's integrators are sound.
 
 use crate::soundness::IntegratorBox;
-use crate::{Finding, Subject, left_out};
+use crate::{Finding, Subject, Work, left_out};
 use pinc_analysis::StabilityFunction;
 use pinc_config::ControlSpec;
 use pinc_net::RmsError;
@@ -51,7 +51,7 @@ pub(crate) fn examine(subject: &Subject<'_>) -> Vec<Finding> {
         findings.push(Finding::fact(
             "",
             format!(
-                "rms error of one step of RK4 over {}, in its widths, by substeps: {}{fewer}",
+                "sampled rms error of one step of RK4 over {}, in its widths, by substeps: {}{fewer}",
                 subject.region_name,
                 shown.join(", ")
             ),
@@ -60,10 +60,42 @@ pub(crate) fn examine(subject: &Subject<'_>) -> Vec<Finding> {
         (enough, findings) = (found, [findings, vec![fact]].concat());
     }
     findings.extend(integrators(subject, &mut of_box, enough));
+    findings.extend(proof(subject, &of_box, work));
     if work.is_over() {
         findings.push(left_out("more points for the integrators' errors"));
     }
     findings
+}
+
+/// The work of a small proof, in units of about 10 ns.
+const PROOF: u64 = 100_000_000;
+
+/// Substeps of RK4 where there is no loop.
+const SUBSTEPS: usize = 4;
+
+/// What is proven of a step of the loop's first explicit integrator, or of RK4 if there is no loop.
+fn proof(subject: &Subject<'_>, of_box: &IntegratorBox<'_>, work: &Work) -> Option<Finding> {
+    if work.left() <= PROOF {
+        return None;
+    }
+    work.spend(PROOF);
+    let loops = subject.experiment.control.as_ref();
+    let (integrator, substeps) = loops.map_or(Some((Integrator::Rk4, SUBSTEPS)), explicit)?;
+    let bound = of_box.proven(integrator, substeps, 1)?;
+    let what = format!(
+        "one step of {} x{substeps} is proven to be wrong by at most {bound:.1e}, in widths, \
+         anywhere in {}",
+        integrator.title(),
+        subject.region_name
+    );
+    Some(Finding::fact("", what))
+}
+
+/// The first explicit integrator of a loop, and its substeps.
+fn explicit(control: &ControlSpec) -> Option<(Integrator, usize)> {
+    let mut integrators = control.models.iter().filter_map(|kind| kind.integrator());
+    let integrator = integrators.find(|integrator| integrator.tableau().is_some())?;
+    Some((integrator, control.own_substeps(integrator)))
 }
 
 /// An error, with its uncertainty where there are fewer points than a run has.
@@ -164,10 +196,7 @@ fn integrators(
 
 /// Where the first integrator of the loop is worst.
 fn worst(subject: &Subject<'_>, of_box: &mut IntegratorBox<'_>) -> Option<Finding> {
-    let control = subject.experiment.control.as_ref()?;
-    let mut integrators = control.models.iter().filter_map(|kind| kind.integrator());
-    let integrator = integrators.find(|integrator| integrator.tableau().is_some())?;
-    let substeps = control.own_substeps(integrator);
+    let (integrator, substeps) = explicit(subject.experiment.control.as_ref()?)?;
     let found = of_box.worst(integrator, substeps)?;
     let at = format!("{}; {}", subject.state(&found.worst.x), subject.input(&found.worst.u));
     let what = format!(

@@ -27,7 +27,7 @@ impl fmt::Display for Advice<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         writeln!(
             f,
-            "model                        IAE  step p50 us      p99 us  worst error  training s"
+            "model                        IAE  step p50 us      p99 us  error found      proven  training s"
         )?;
         let score = |tried: &&Tried| tried.result.as_ref().map_or(f64::INFINITY, |s| s.p50_us);
         let mut rows: Vec<&Tried> = self.tried.iter().collect();
@@ -78,17 +78,24 @@ impl<'a> Advice<'a> {
         };
         writeln!(
             f,
-            "{name:<21} {:>12.6} {:>12.2} {:>11.2} {:>12} {training:>11}   {remark}",
+            "{name:<21} {:>12.6} {:>12.2} {:>11.2} {:>12} {:>11} {training:>11}   {remark}",
             score.iae,
             score.p50_us,
             score.p99_us,
             number(score.worst),
+            number(score.proven),
         )
     }
 
     /// The advice, and what it does not rest on.
     pub(crate) fn sentences(&self) -> Vec<String> {
         let mut sentences = vec![self.advice()];
+        if let Some(proven) = self.score.proven {
+            sentences.push(format!(
+                "One step of it is proven to be wrong by at most {proven:.1e} of the widths of the box \
+                 where the loop may go."
+            ));
+        }
         if let Some(worst) = self.score.worst.filter(|worst| !(..=LARGE).contains(worst)) {
             sentences.push(format!(
                 "Somewhere in the domain a step of it is wrong by {}: the loop does not go there.",

@@ -1,7 +1,7 @@
 //! Which of the models that were tried are good enough, and which of these is the one to use.
 
 use crate::candidate::Candidate;
-use pinc_config::ControlSpec;
+use pinc_config::{ControlSpec, OnError};
 use pinc_record::Metrics;
 
 /// Loops within this factor of the cheapest control step cost the same, for all that a measurement
@@ -34,6 +34,11 @@ pub struct Score {
     pub rms: Option<f64>,
     /// The largest of these errors.
     pub worst: Option<f64>,
+    /// A proven bound of the error of one step over the box where the loop may go, in its widths,
+    /// if a proof takes little work.
+    pub proven: Option<f64>,
+    /// In how many steps the estimated error of the net was beyond `control.error_tolerance`.
+    pub beyond: usize,
     /// How long the net was trained, in s.
     pub training_s: Option<f64>,
     /// Why an integrator is unsound in the box where the loop may go, in the words of `pinc check`;
@@ -69,6 +74,8 @@ pub struct Standard {
     /// By how much more a bound may be violated.
     room: f64,
     max_failed: f64,
+    /// Whether nothing but a count comes of a net whose estimated error is beyond its tolerance.
+    only_counts: bool,
     pub(crate) budget_us: Option<f64>,
 }
 
@@ -89,6 +96,8 @@ impl Score {
             p99_us: run.step_us.p99,
             rms: step.map(|step| step.errors.rms),
             worst: step.map(|step| step.errors.max),
+            proven: None,
+            beyond: run.model_error.as_ref().map_or(0, |of| of.beyond),
             training_s: metrics.training.as_ref().map(|training| training.wall_s),
             unsound: None,
         })
@@ -131,6 +140,7 @@ impl Standard {
             within,
             room: within * narrowest(spec),
             max_failed,
+            only_counts: spec.on_error == OnError::Count,
             budget_us: spec.budget_us,
         })
     }
@@ -145,6 +155,10 @@ impl Standard {
         }
         if !score.iae.is_finite() {
             return Some("its loop leaves the finite numbers".to_owned());
+        }
+        if self.only_counts && score.beyond > 0 {
+            let Score { beyond, steps, .. } = score;
+            return Some(format!("beyond control.error_tolerance in {beyond} of {steps} steps"));
         }
         if score.iae > (1.0 + self.within) * self.iae {
             let more = 100.0 * (score.iae / self.iae - 1.0);
@@ -232,6 +246,8 @@ pub(crate) mod tests {
             p99_us: 2.0 * p50_us,
             rms: Some(rms),
             worst: None,
+            proven: None,
+            beyond: 0,
             training_s: None,
             unsound: None,
         }
@@ -261,6 +277,7 @@ pub(crate) mod tests {
             within: 0.01,
             room: 0.1,
             max_failed: 0.05,
+            only_counts: true,
             budget_us,
         }
     }
@@ -337,6 +354,11 @@ pub(crate) mod tests {
         assert_eq!(with(&|score| score.iae = f64::NAN), "its loop leaves the finite numbers");
         assert_eq!(with(&|score| score.failed = 0.2), "20 % of its steps fail");
         assert_eq!(with(&|score| score.violation = 0.5), "violates a bound by 5.0e-1 more");
+        let beyond = "beyond control.error_tolerance in 3 of 100 steps";
+        assert_eq!(with(&|score| score.beyond = 3), beyond);
+        // An integrator made these steps, or the net's predictions were corrected.
+        let helped = Standard { only_counts: false, ..standard.clone() };
+        assert!(helped.is_good(&Score { beyond: 3, ..score.clone() }));
         assert_eq!(with(&|score| score.iae = 90.0), "");
         let unsound = |score: &mut Score| score.unsound = Some("unstable at 46 of 200".to_owned());
         assert_eq!(with(&unsound), "unstable at 46 of 200");

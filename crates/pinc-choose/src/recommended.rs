@@ -2,7 +2,7 @@
 
 use crate::advice::Advice;
 use crate::candidate::{Candidate, LONGER};
-use pinc_config::Experiment;
+use pinc_config::{Experiment, OnError};
 
 impl Advice<'_> {
     /// The config `own` with the model to use, and with the reasons as comments. `base` is what was
@@ -49,10 +49,12 @@ fn without_net(own: &Experiment, base: &Experiment) -> Experiment {
     let mut experiment = own.clone();
     (experiment.model, experiment.training, experiment.validation) = (None, None, None);
     (experiment.data, experiment.prediction) = (None, None);
-    if let Some(control) = &mut experiment.control
-        && control.stages_s.is_none()
-    {
-        control.step_s = base.sample_time_s();
+    if let Some(control) = &mut experiment.control {
+        control.error_tolerance.clear();
+        control.on_error = OnError::Count;
+        if control.stages_s.is_none() {
+            control.step_s = base.sample_time_s();
+        }
     }
     experiment
 }

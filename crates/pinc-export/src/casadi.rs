@@ -20,7 +20,7 @@ pub fn net_to_casadi(
     origin: &Origin,
 ) -> Result<Vec<GeneratedFile>, ExportError> {
     check_member(net)?;
-    let mut files = net_core(net, Open::default(), name, origin)?;
+    let mut files = net_core((net, false), Open::default(), name, origin)?;
     let mut t = places(net, Open::default(), name, origin)?;
     files.push(t.file("casadi.c", include_str!("../templates/casadi.c")));
     net_page(net, origin, &mut t);

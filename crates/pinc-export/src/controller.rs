@@ -1,6 +1,7 @@
 //! What is exported of a controller, and what cannot be.
 
 use crate::ExportError;
+use crate::error_c::NetError;
 use crate::feedback_c::Estimation;
 use crate::open::Open;
 use crate::runge_kutta_c::RungeKuttaModel;
@@ -27,6 +28,8 @@ pub struct Controller<'a> {
     /// The plant's equations, where a net is the model and outputs of the plant are tracked,
     /// bounded or measured.
     pub equations: Option<&'a PlantEquations>,
+    /// Whether there is a function for the estimated error of the net's step; for C only.
+    pub estimates_error: bool,
     /// Where the self-test begins.
     pub initial_state: &'a [f64],
     /// The input before the first step, if it is known.
@@ -159,6 +162,24 @@ impl<'a> Controller<'a> {
                 feature: "outputs of a plant that another program simulates",
                 instead: "states, or a plant whose equations are known",
             }),
+        }
+    }
+
+    /// The estimate of the model's error, if it is asked for.
+    pub(crate) fn net_error(&self) -> Result<Option<NetError<'a>>, ExportError> {
+        let refuse = |feature, instead| Err(ExportError::Feature { feature, instead });
+        match (self.model, self.equations) {
+            _ if !self.estimates_error => Ok(None),
+            (ModelSource::Net(net), Some(equations)) => {
+                Ok(Some(NetError { net, equations, open: self.open() }))
+            }
+            (ModelSource::Net(_), None) => refuse(
+                "estimated error without the plant's equation",
+                "a plant whose equation is known",
+            ),
+            (ModelSource::RungeKutta(_), _) => {
+                refuse("estimated error of an integrator", "a net as the model, or `pinc certify`")
+            }
         }
     }
 

@@ -5,6 +5,7 @@ use pinc_expr::ExpressionError;
 use pinc_mpc::MpcError;
 use pinc_net::NetError;
 use pinc_ode::OdeError;
+use pinc_verify::VerifyError;
 use thiserror::Error;
 
 /// An error of this crate.
@@ -35,6 +36,9 @@ pub enum ExportError {
     /// An estimator that is none.
     #[error("the estimator: {0}")]
     Estimator(#[from] EstimateError),
+    /// A net whose error cannot be estimated.
+    #[error("the estimated error: {0}")]
+    Estimate(Box<VerifyError>),
     /// A net of a family of plants by itself.
     #[error(
         "the net takes the parameters {0} as inputs; export the controller of its config, which fixes them"
@@ -67,6 +71,12 @@ pub(crate) fn finite<'v>(
     match values.into_iter().all(|value| value.is_finite()) {
         true => Ok(()),
         false => Err(ExportError::NotFinite { what: what.into() }),
+    }
+}
+
+impl From<VerifyError> for ExportError {
+    fn from(error: VerifyError) -> Self {
+        Self::Estimate(Box::new(error))
     }
 }
 

@@ -57,7 +57,7 @@ pub fn net_to_fmu(
         sources: vec![format!("{}_net.c", name.as_str())],
         version,
     };
-    Ok(description.files(t, net_core(net, Open::default(), name, origin)?, name, origin))
+    Ok(description.files(t, net_core((net, false), Open::default(), name, origin)?, name, origin))
 }
 
 /// A controller as the content of an FMU: its inputs are the measured states `x[i]` and the

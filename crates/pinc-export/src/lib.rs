@@ -16,6 +16,7 @@ mod casadi;
 mod controller;
 mod equation;
 mod error;
+mod error_c;
 mod feedback_c;
 mod fmi2;
 mod fmi3;

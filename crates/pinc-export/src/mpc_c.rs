@@ -2,8 +2,9 @@
 
 use crate::controller::{Controller, ModelSource, penalty};
 use crate::error::finite;
+use crate::error_c::without_estimate;
 use crate::feedback_c::{Filter, INCLUDE_OUTPUTS, feedback_core, has_units, set_unknowns};
-use crate::net_c::net_core;
+use crate::net_c::{has_time, net_core, sources};
 use crate::origin::{Origin, domain};
 use crate::outputs_c::outputs_core;
 use crate::runge_kutta_c::runge_kutta_core;
@@ -46,6 +47,13 @@ pub fn controller_to_c(
         Filter::Unscented => UNSCENTED_TOLERANCES,
     });
     t.set("DOUBLE", double).set("FLOAT", float);
+    match controller.net_error()? {
+        Some(estimate) => {
+            let call = "    failed += (pinc_error_off() <= 1.0) ? 0 : 1;\n";
+            estimate.set_selftest(&mut t, call)?;
+        }
+        None => without_estimate(&mut t),
+    }
     let selftest = match controller.estimator {
         None => {
             set_selftest(&mut t, controller)?;
@@ -58,10 +66,7 @@ pub fn controller_to_c(
         }
     };
     files.push(t.file("selftest.c", selftest));
-    let sources = files.iter().map(|file| &*file.path);
-    let sources = sources.filter(|path| path.ends_with(".c") && !path.ends_with("_selftest.c"));
-    let sources = sources.collect::<Vec<_>>().join(" ");
-    t.set("SOURCES", sources);
+    t.set("SOURCES", sources(&files));
     files.push(t.named("CMakeLists.txt", include_str!("../templates/net_cmake.txt")));
     set_page(&mut t, controller, origin)?;
     files.push(t.named("README.md", include_str!("../templates/mpc_readme.md")));
@@ -78,7 +83,15 @@ pub(crate) fn controller_sources(
     controller.check(dims)?;
     let open = controller.open();
     let (mut files, model) = match controller.model {
-        ModelSource::Net(net) => (net_core(net, open, name, origin)?, "net"),
+        ModelSource::Net(net) => {
+            let estimate = controller.net_error()?;
+            let has_path = estimate.is_some() && has_time(net);
+            let mut files = net_core((net, has_path), open, name, origin)?;
+            if let Some(estimate) = estimate {
+                files.extend(estimate.core(name, origin)?);
+            }
+            (files, "net")
+        }
         ModelSource::RungeKutta(model) => {
             (runge_kutta_core(model, open, name, origin)?, model.method.name())
         }

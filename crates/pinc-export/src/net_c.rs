@@ -1,11 +1,13 @@
 //! A net in C.
 
 use crate::error::finite;
+use crate::error_c::{NetError, without_estimate};
 use crate::golden::{CASES, Golden};
 use crate::open::Open;
 use crate::origin::{Origin, domain};
 use crate::template::{Template, array, numbers, table};
 use crate::{ExportError, GeneratedFile, Name};
+use pinc_expr::PlantEquations;
 use pinc_net::{FoldedNet, PincModel, PincNet, TrainingTarget};
 use std::fmt::Write as _;
 
@@ -16,39 +18,74 @@ pub(crate) const TOLERANCES: [&str; 2] = ["1e-12", "1e-4"];
 /// The net as C99: step and Jacobians, self-test with golden vectors, build file and a page that
 /// says how to use them.
 ///
-/// A net distilled from an integrator knows t = T only; others get a function of t besides.
+/// A net distilled from an integrator knows t = T only; others get a function of t besides. With the
+/// equation that the net stands for, `estimated`, there is a function for the estimated error of a
+/// step.
 ///
 /// # Errors
 ///
-/// [`ExportError::Net`] for a conventional PINN, which is no model; [`ExportError::Family`].
+/// [`ExportError::Net`] for a conventional PINN, which is no model; [`ExportError::Family`];
+/// [`ExportError::Equations`] for equations that cannot be listed.
 pub fn net_to_c(
     net: &PincNet,
+    estimated: Option<&PlantEquations>,
     name: &Name,
     origin: &Origin,
 ) -> Result<Vec<GeneratedFile>, ExportError> {
     check_member(net)?;
-    let mut files = net_core(net, Open::default(), name, origin)?;
+    let estimate = estimated.map(|equations| NetError { net, equations, open: Open::default() });
+    let has_path = estimate.is_some() && has_time(net);
+    let mut files = net_core((net, has_path), Open::default(), name, origin)?;
     let mut t = places(net, Open::default(), name, origin)?;
+    match estimate {
+        Some(estimate) => {
+            files.extend(estimate.core(name, origin)?);
+            estimate.set_selftest(&mut t, ESTIMATE_CALL)?;
+        }
+        None => without_estimate(&mut t),
+    }
+    let sources = sources(&files);
     files.push(selftest(net, &mut t)?);
-    t.set("SOURCES", "pinc_net.c");
+    t.set("SOURCES", sources);
     files.push(t.named("CMakeLists.txt", include_str!("../templates/net_cmake.txt")));
     net_page(net, origin, &mut t);
     files.push(t.named("README.md", include_str!("../templates/net_readme.md")));
     Ok(files)
 }
 
-/// Header and source of the net, with the parameters that `open` names behind the inputs.
+/// What the self-test does with how far estimates are off, in parts of what is allowed.
+const ESTIMATE_CALL: &str = "    worst = pinc_larger(worst, pinc_error_off() * PINC_TOLERANCE);\n";
+
+/// The sources among `files`, as arguments of a compiler.
+pub(crate) fn sources(files: &[GeneratedFile]) -> String {
+    let sources = files.iter().map(|file| &*file.path);
+    let sources = sources.filter(|path| path.ends_with(".c") && !path.ends_with("_selftest.c"));
+    sources.collect::<Vec<_>>().join(" ")
+}
+
+/// Header and source of the net, with the parameters that `open` names behind the inputs; with its
+/// path and the path's derivative by the time if asked for.
 pub(crate) fn net_core(
-    net: &PincNet,
+    (net, has_path): (&PincNet, bool),
     open: Open<'_>,
     name: &Name,
     origin: &Origin,
 ) -> Result<Vec<GeneratedFile>, ExportError> {
     let t = places(net, open, name, origin)?;
+    let parts = |at: &'static str, path: &'static str| {
+        let path = if has_path { path } else { "" };
+        if has_time(net) { format!("{at}{path}") } else { String::new() }
+    };
     let mut header = t.clone();
-    header.set("AT", if has_time(net) { include_str!("../templates/net_at.h") } else { "" });
+    header.set(
+        "AT",
+        parts(include_str!("../templates/net_at.h"), include_str!("../templates/net_path.h")),
+    );
     let mut source = t;
-    source.set("AT", if has_time(net) { include_str!("../templates/net_at.c") } else { "" });
+    source.set(
+        "AT",
+        parts(include_str!("../templates/net_at.c"), include_str!("../templates/net_path.c")),
+    );
     Ok(vec![
         header.file("net.h", include_str!("../templates/net.h")),
         source.file("net.c", include_str!("../templates/net.c")),
@@ -71,6 +108,10 @@ pub(crate) fn check_member(net: &PincNet) -> Result<(), ExportError> {
 pub(crate) fn has_time(net: &PincNet) -> bool {
     net.source() != TrainingTarget::Integrator
 }
+
+/// The derivative by the time of the first layer's outputs, and of a state.
+const FIRST_SLOPE: &str = "pinc_time[i] * (PINC_N(1) - (v[1][i] * v[1][i]))";
+const AT_RATE: &str = "(out[i] + (t * slope[i])) / PINC_N(PINC_SAMPLE_TIME_S)";
 
 pub(crate) fn places(
     net: &PincNet,
@@ -102,7 +143,9 @@ pub(crate) fn places(
         .set("FIRST", folded.time.len())
         .set("TIME", numbers(&folded.time))
         .set("FIRST_HIDDEN", if hidden { "PINC_MATH(tanh)(z)" } else { "z" })
+        .set("FIRST_SLOPE", if hidden { FIRST_SLOPE } else { "pinc_time[i]" })
         .set("AT_VALUE", at)
+        .set("AT_RATE", if adds { AT_RATE } else { "slope[i]" })
         .set("CASES", CASES)
         .set("DOUBLE", TOLERANCES[0])
         .set("FLOAT", TOLERANCES[1])

@@ -21,6 +21,11 @@ impl<'a> Open<'a> {
         Self { values: &augmentation.parameters, estimated: &augmentation.estimated }
     }
 
+    /// All parameters; of those that are arguments, the values before there is an estimate.
+    pub(crate) fn values(self) -> &'a [f64] {
+        self.values
+    }
+
     /// How many are arguments.
     pub(crate) fn count(self) -> usize {
         self.estimated.len()

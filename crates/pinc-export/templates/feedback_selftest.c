@@ -2,7 +2,7 @@
 /* Controller and estimator against golden vectors, step by step: exit 0 if all inputs and
    estimates agree. */
 #include "pinc_feedback.h"
-
+@ERROR_INCLUDE@
 #include <math.h>
 #include <stdio.h>
 
@@ -18,7 +18,7 @@ static double pinc_off(PINC_REAL found, double expected)
     const double off = fabs((double)found - expected) / (1.0 + fabs(expected));
     return (off <= 1e300) ? off : 1.0;
 }
-
+@ERROR_TEST@
 int main(void)
 {
     double worst = 0.0;
@@ -56,7 +56,7 @@ int main(void)
             worst = (off > worst) ? off : worst;
         }
     }
-    printf("@name@: %d steps, largest difference %.2e, allowed %.2e\n", PINC_STEPS, worst,
+@ERROR_CALL@    printf("@name@: %d steps, largest difference %.2e, allowed %.2e\n", PINC_STEPS, worst,
            PINC_TOLERANCE);
     return ((worst <= PINC_TOLERANCE) && (failed == 0)) ? 0 : 1;
 }

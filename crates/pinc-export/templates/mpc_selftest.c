@@ -1,7 +1,7 @@
 @BANNER@
 /* The controller against golden vectors, step by step: exit 0 if all inputs agree. */
 #include "pinc_mpc.h"
-
+@ERROR_INCLUDE@
 #include <math.h>
 #include <stdio.h>
 
@@ -11,7 +11,7 @@
 
 @TABLES@
 static pinc_mpc pinc_controller;
-
+@ERROR_TEST@
 int main(void)
 {
     double worst = 0.0;
@@ -47,7 +47,7 @@ int main(void)
             }
         }
     }
-    printf("@name@: %d steps, largest difference %.2e, allowed %.2e\n", PINC_STEPS, worst,
+@ERROR_CALL@    printf("@name@: %d steps, largest difference %.2e, allowed %.2e\n", PINC_STEPS, worst,
            PINC_TOLERANCE);
     return ((worst <= PINC_TOLERANCE) && (failed == 0)) ? 0 : 1;
 }

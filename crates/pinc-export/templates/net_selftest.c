@@ -1,7 +1,7 @@
 @BANNER@
 /* The functions against golden vectors: exit 0 if all agree. */
 #include "pinc_@MODEL@.h"
-
+@ERROR_INCLUDE@
 #include <math.h>
 #include <stdio.h>
 
@@ -28,7 +28,7 @@ static double pinc_larger(double a, double b)
 {
     return (a > b) ? a : b;
 }
-
+@ERROR_TEST@
 int main(void)
 {
     double worst = 0.0;
@@ -53,7 +53,7 @@ int main(void)
         worst = pinc_larger(worst, pinc_difference(a, pinc_a[c], PINC_NX * PINC_NX));
         worst = pinc_larger(worst, pinc_difference(b, pinc_b[c], PINC_NX * PINC_NU));
 @AT@    }
-    printf("@name@: %d cases, largest difference %.2e, allowed %.2e\n", PINC_CASES, worst,
+@ERROR_CALL@    printf("@name@: %d cases, largest difference %.2e, allowed %.2e\n", PINC_CASES, worst,
            PINC_TOLERANCE);
     return (worst <= PINC_TOLERANCE) ? 0 : 1;
 }

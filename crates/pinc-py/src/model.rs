@@ -1,12 +1,12 @@
 //! A trained net as a model.
 
 use crate::arrays::{Array, Given, Points, array};
-use crate::config::experiment;
+use crate::config::Source;
 use crate::errors::{input, of_run};
 use pinc_net::{FoldedNet, PincModel, PincNet, TrainingTarget};
 use pinc_ode::{Dims, Linearization, Model as _, Stages};
 use pinc_record::{read_file, write_atomically};
-use pinc_runs::{Certificate, RunError, certificate, certified, error_estimate};
+use pinc_runs::{Certificate, ErrorEstimate, RunError, certificate, certified, error_estimate};
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict, PyTuple};
 use std::collections::BTreeMap;
@@ -22,6 +22,8 @@ pub(crate) struct Model {
     parameters: Vec<String>,
     certificate: Option<Certificate>,
     model: Mutex<PincModel>,
+    /// The estimate of the error, against the plant of the config that was given last.
+    estimate: Mutex<Option<(Source, ErrorEstimate)>>,
 }
 
 impl Model {
@@ -32,6 +34,7 @@ impl Model {
             parameters: net.parameter_names().map(str::to_owned).collect(),
             certificate: None,
             model: Mutex::new(model),
+            estimate: Mutex::new(None),
             net,
         })
     }
@@ -199,9 +202,16 @@ impl Model {
         u: Given<'py>,
         p: Option<Given<'py>>,
     ) -> PyResult<Array<'py>> {
-        let experiment = experiment(config, None)?;
-        let estimate = error_estimate(&experiment, &self.net);
-        let mut estimate = estimate.map_err(|error| of_run(&error))?;
+        let source = Source::of(config, None)?;
+        let mut known = self.estimate.lock().unwrap_or_else(PoisonError::into_inner);
+        let estimate = match known.take().filter(|(of, _)| *of == source) {
+            Some((_, estimate)) => estimate,
+            None => {
+                let found = error_estimate(&source.experiment()?, &self.net);
+                found.map_err(|error| of_run(&error))?
+            }
+        };
+        let (_, estimate) = known.insert((source, estimate));
         let at = self.arguments(&x, &u, p.as_ref())?;
         let nx = self.dims.nx;
         let mut errors = vec![0.0; at.count * nx];

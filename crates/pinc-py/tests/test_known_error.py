@@ -43,6 +43,16 @@ def test_the_estimate_is_near_the_error(smoke: Path, tmp_path: Path) -> None:
         assert np.linalg.norm(estimate - error) < 0.1 * np.linalg.norm(error)
     assert np.array_equal(model.error_estimate(smoke, x[1], u[1]), found[1])
     assert model.proven_error is None
+    # A config is read once, and another one for itself.
+    copy = tmp_path / "copy.toml"
+    copy.write_text(smoke.read_text())
+    again = model.error_estimate(copy, x, u)
+    copy.unlink()
+    assert np.array_equal(again, found)
+    assert np.array_equal(model.error_estimate(copy, x, u), found)
+    with pytest.raises(pinc.PincError, match="absent.toml"):
+        model.error_estimate(tmp_path / "absent.toml", x, u)
+    assert np.array_equal(model.error_estimate(smoke, x, u), found)
 
 
 def test_a_controller_doubts_its_net(smoke: Path, model: pinc.Model) -> None:

@@ -48,6 +48,43 @@ pub struct DomainErrorMetrics {
     pub unsolved: usize,
     /// The root mean square of RK4 at the same points.
     pub rk4: Rk4Errors,
+    /// What is proven of the errors over the whole domain.
+    #[serde(default, skip_serializing_if = "ProvenErrors::is_empty")]
+    pub proven: ProvenErrors,
+}
+
+/// Proven bounds of the error of one step over the domain, of the states in widths of their ranges,
+/// where a proof takes little work.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct ProvenErrors {
+    /// With the net.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub net: Option<f64>,
+    /// With RK4, by its substeps.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub rk4: BTreeMap<String, f64>,
+}
+
+impl ProvenErrors {
+    fn is_empty(&self) -> bool {
+        self.net.is_none() && self.rk4.is_empty()
+    }
+}
+
+/// As "the net is proven to be wrong by at most 1.2e-3, RK4 x4 by 2.1e-4"; empty if nothing is
+/// proven.
+impl fmt::Display for ProvenErrors {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let net = self.net.map(|bound| ("the net".to_owned(), bound));
+        let rk4 = self.rk4.iter().map(|(substeps, bound)| (format!("RK4 x{substeps}"), *bound));
+        for (i, (model, bound)) in net.into_iter().chain(rk4).enumerate() {
+            match i {
+                0 => write!(f, "{model} is proven to be wrong by at most {bound:.1e}")?,
+                _ => write!(f, ", {model} by {bound:.1e}")?,
+            }
+        }
+        Ok(())
+    }
 }
 
 /// A state and an input, in the plant's order and units.
@@ -103,6 +140,7 @@ impl DomainErrorMetrics {
             points: judged.errors.len(),
             unsolved,
             rk4,
+            proven: ProvenErrors::default(),
         }
     }
 }

@@ -24,6 +24,8 @@ pub mod file {
     pub const MODEL: &str = "model.safetensors";
     /// The errors of one step of the net over its domain.
     pub const DOMAIN_ERROR: &str = "domain-error.csv";
+    /// The errors of the net along the closed loop.
+    pub const MODEL_ERROR: &str = "model-error.csv";
     /// The free run.
     pub const PREDICTION: &str = "prediction.csv";
     /// The numbers that the run gave.
@@ -84,9 +86,10 @@ pub mod file {
     /// All names that closed loops may have written under.
     pub(crate) fn of_loops() -> impl Iterator<Item = String> {
         let models = ModelKind::ALL.into_iter().flat_map(|model| [(model, 1), (model, 2)]);
-        models.flat_map(|(model, count)| {
+        let loops = models.flat_map(|(model, count)| {
             [control(model, count), steps(model, count), estimates(model, count)]
-        })
+        });
+        loops.chain([MODEL_ERROR.to_owned()])
     }
 }
 

@@ -41,7 +41,7 @@ pub mod work;
 pub use certificate::{ByName, CertificateMetrics, DomainCertificate};
 pub use checkpoint::{Saved, load_checkpoint, save_checkpoint};
 pub use csv::{CsvText, number};
-pub use domain_error::{DomainErrorMetrics, DomainFinding, Place, Rk4Errors};
+pub use domain_error::{DomainErrorMetrics, DomainFinding, Place, ProvenErrors, Rk4Errors};
 pub use error::{CheckpointProblem, RecordError, TableProblem};
 pub use files::{file, read_file, read_text, remove_unfinished, write_atomically, write_output};
 pub use identification::{
@@ -60,9 +60,9 @@ pub use spread::Spread;
 pub use sweep_dir::{Claim, Ending, Finished, SweepDir, WorkerNote};
 pub use tables::{
     ControlColumns, ControlReader, ControlRow, ControlWriter, DomainErrorTable, EstimateRow,
-    EstimateTable, FixedReader, FixedWriter, PredictionRow, PredictionTable, ResidualRow,
-    ResidualTable, StepRow, SummaryRow, SummaryTable, TrainingRow, TrialColumn, TrialMetric,
-    TrialStatus, TrialTable, fixed_table, read_fixed_table,
+    EstimateTable, FixedReader, FixedWriter, ModelErrorRow, ModelErrorTable, PredictionRow,
+    PredictionTable, ResidualRow, ResidualTable, StepRow, SummaryRow, SummaryTable, TrainingRow,
+    TrialColumn, TrialMetric, TrialStatus, TrialTable, fixed_table, read_fixed_table,
 };
 pub use times::{StepTimes, WallTimes};
 pub use verdict::advice;

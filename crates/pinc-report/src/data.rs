@@ -8,8 +8,8 @@ use pinc_config::{Experiment, ModelKind, TimeUnit};
 use pinc_record::metric::{Metric, Unit};
 use pinc_record::{
     ControlReader, DomainErrorTable, EstimateTable, FixedReader, IdentificationMetrics, Metrics,
-    PredictionTable, Provenance, RecordError, ResidualTable, TrainingRow, file, read_fixed_table,
-    read_text,
+    ModelErrorTable, PredictionTable, Provenance, RecordError, ResidualTable, TrainingRow, file,
+    read_fixed_table, read_text,
 };
 use std::io::ErrorKind;
 use std::path::Path;
@@ -28,6 +28,8 @@ pub(crate) struct Run {
     pub(crate) training: Option<Vec<TrainingRow>>,
     /// The errors of the net over its domain.
     pub(crate) domain_error: Option<DomainErrorTable>,
+    /// The errors of the net along the closed loop; times are in the report's unit.
+    pub(crate) model_error: Option<ModelErrorTable>,
     /// Times are in the report's unit.
     pub(crate) prediction: Option<PredictionTable>,
     pub(crate) control: Traces,
@@ -76,6 +78,9 @@ impl Run {
         let mut prediction = PredictionTable::read(&dir.join(file::PREDICTION))?;
         let rows = prediction.iter_mut().flat_map(|table| &mut table.rows);
         rows.for_each(|row| row.t *= second);
+        let mut model_error = ModelErrorTable::read(&dir.join(file::MODEL_ERROR))?;
+        let rows = model_error.iter_mut().flat_map(|table| &mut table.rows);
+        rows.for_each(|row| row.t *= second);
         let mut estimates = read_models(dir, file::estimates, only, EstimateTable::read)?;
         let rows =
             estimates.iter_mut().flat_map(|of: &mut OfModel<EstimateTable>| &mut of.table.rows);
@@ -89,6 +94,7 @@ impl Run {
             provenance: Provenance::read(dir)?,
             training: read_fixed_table(&dir.join(file::TRAINING))?,
             domain_error: DomainErrorTable::read(&dir.join(file::DOMAIN_ERROR))?,
+            model_error,
             prediction,
             control,
             steps: read_models(dir, file::steps, only, |path| {

@@ -5,8 +5,8 @@ use crate::error::ReportError;
 use crate::picture::{Drawn, Picture, drawn};
 use crate::variables::Variables;
 use crate::{
-    control, domain_error, estimates, html, identification, prediction, profile, steps, sweep,
-    training,
+    control, domain_error, estimates, html, identification, model_error, prediction, profile,
+    steps, sweep, training,
 };
 use std::path::Path;
 
@@ -65,6 +65,7 @@ fn pictures(run: &Run) -> Result<Vec<Picture>, ReportError> {
     pictures.extend(estimates::pictures(run));
     pictures.extend(profile::picture(run, &variables));
     pictures.extend(steps::picture(run));
+    pictures.extend(model_error::picture(run, &variables));
     pictures.extend(identification::picture(run));
     pictures.extend(prediction::picture(run, &variables));
     pictures.extend(domain_error::picture(run));

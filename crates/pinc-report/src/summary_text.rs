@@ -47,9 +47,9 @@ fn validation(validation: &ValidationMetrics) -> String {
 fn over_the_domain(validation: &ValidationMetrics, metrics: &Metrics) -> Option<String> {
     let of = validation.domain_error.as_ref()?;
     let shown = |value| text::number(value, 2);
-    Some(format!(
+    let sampled = format!(
         "After one step from {} points all over its domain it is off by {} of a state's range (rms; \
-         RK4 with 1, 2 and 4 substeps: {}, {} and {}), by {} at most: at {}.",
+         RK4 with 1, 2 and 4 substeps: {}, {} and {}); the largest error found is {}, at {}.",
         text::count(of.points),
         shown(of.rms),
         shown(of.rk4.one),
@@ -57,7 +57,9 @@ fn over_the_domain(validation: &ValidationMetrics, metrics: &Metrics) -> Option<
         shown(of.rk4.four),
         shown(of.max),
         of.max_at.named(&metrics.states, &metrics.inputs)
-    ))
+    );
+    let proven = of.proven.to_string();
+    Some(if proven.is_empty() { sampled } else { format!("{sampled} Anywhere in it {proven}.") })
 }
 
 fn tracking(run: &Run, metrics: &Metrics) -> Option<String> {

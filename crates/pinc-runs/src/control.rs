@@ -3,6 +3,7 @@
 use super::Options;
 use super::feedback::{self, TimedFeedback};
 use super::guard::Guard;
+use super::loop_error;
 use super::model_error;
 use super::recording::{Recording, Totals, TraceColumns, write_medians};
 use crate::RunError;
@@ -96,6 +97,11 @@ pub(crate) fn stage(
         run_dir.note(&[&file::control(kind, models), &file::steps(kind, models)]);
         if metrics.estimator.is_some() {
             run_dir.note(&[&file::estimates(kind, models)]);
+        }
+        if let Some(net) = setup.net.filter(|_| kind == ModelKind::Pinc && run_dir.keeps_traces()) {
+            let trace = run_dir.path(&file::control(kind, models));
+            loop_error::write(setup, net, plant, &trace, run_dir)?;
+            run_dir.note(&[file::MODEL_ERROR]);
         }
         run_dir.update(|all| all.control.push(metrics))?;
     }

@@ -2,9 +2,14 @@
 
 use super::training_setup::TrainingSetup;
 use crate::RunError;
+use crate::invocation::cores;
+use pinc_check::proven_error;
+use pinc_config::{Experiment, ModelKind};
 use pinc_net::{DomainTruth, PincModel, PincNet};
-use pinc_ode::{DynPlant, Integrator};
-use pinc_record::{DomainErrorMetrics, DomainErrorTable, Rk4Errors, RunDir, file};
+use pinc_ode::{DynPlant, Integrator, Tableau};
+use pinc_record::{DomainErrorMetrics, DomainErrorTable, ProvenErrors, Rk4Errors, RunDir, file};
+use pinc_verify::StepModel;
+use std::path::Path;
 
 /// Judges `net`, and writes the error of each point; nothing for a conventional PINN, which makes
 /// no steps, or if the plant cannot be integrated from anywhere.
@@ -43,4 +48,31 @@ pub(super) fn judge(
         truth.unsolved(),
         rk4,
     )))
+}
+
+/// What a small proof gives for the step of `net`, and for RK4 with the config's substeps if it is a
+/// model of the loop.
+pub(super) fn proven(experiment: &Experiment, net: &PincNet) -> ProvenErrors {
+    let of =
+        |model| proven_error(&experiment.plant, net.domain(), model, net.sample_time_s(), cores());
+    let control = experiment.control.as_ref();
+    let control = control.filter(|control| control.models.contains(&ModelKind::RK4));
+    let rk4 = control.and_then(|control| {
+        let substeps = control.own_substeps(Integrator::Rk4);
+        let bound = of(StepModel::RungeKutta(Tableau::CLASSICAL, substeps))?;
+        Some((substeps.to_string(), bound))
+    });
+    ProvenErrors { net: of(StepModel::Net(net)), rk4: rk4.into_iter().collect() }
+}
+
+/// A bound of the error of one step of the net in the file `model`, in widths of its domain, if a
+/// small proof gives one.
+///
+/// # Errors
+///
+/// [`RunError`] if the file holds no net.
+pub fn proven_net_error(experiment: &Experiment, model: &Path) -> Result<Option<f64>, RunError> {
+    let net = crate::read_model(model)?;
+    let (domain, step_s) = (net.domain(), net.sample_time_s());
+    Ok(proven_error(&experiment.plant, domain, StepModel::Net(&net), step_s, cores()))
 }

@@ -3,7 +3,7 @@
 use super::chosen::{Chosen, ModelFile};
 use super::proof::certificate;
 use super::shared_library::shared_library;
-use super::{chainable, parse_model};
+use super::{chainable, parse_model, read_matching_model};
 use crate::RunError;
 use pinc_config::{EstimatorKind, Experiment, ModelKind, Variables};
 use pinc_estimate::{Augmentation, Tuning};
@@ -11,6 +11,7 @@ use pinc_export::{
     Controller, Estimation, ExportError, Filter, FmiVersion, GeneratedFile, ModelSource, Name,
     Origin, Precision, RungeKuttaModel, net_to_onnx,
 };
+use pinc_expr::PlantEquations;
 use pinc_mpc::NmpcProblem;
 use pinc_ode::{DynPlant, Integrator};
 use pinc_record::{RecordError, read_file, write_atomically};
@@ -46,25 +47,35 @@ impl Target {
 }
 
 /// Exports the net of the file `model` into the directory `out`, by default `exports/`, the name
-/// and the target. All names begin with `name`, by default the model file's. Returns the directory.
+/// and the target. All names begin with `name`, by default the model file's. With the config that the
+/// net is `judged` against, C has a function for the estimated error of a step. Returns the directory.
 ///
 /// # Errors
 ///
-/// [`RunError`] if the file holds no net that can be exported, or files cannot be written.
+/// [`RunError`] if the file holds no net that can be exported, there is no estimate for the target or
+/// the plant, or files cannot be written.
 pub fn export_net(
     model: &Path,
     to: Target,
     name: Option<&str>,
     out: Option<&Path>,
+    judged: Option<&Experiment>,
 ) -> Result<PathBuf, RunError> {
-    let bytes = read_file(model)?;
-    let net = chainable(model, parse_model(model, &bytes)?)?;
+    let (bytes, net) = match judged {
+        Some(experiment) => read_matching_model(experiment, model)?,
+        None => {
+            let bytes = read_file(model)?;
+            let net = chainable(model, parse_model(model, &bytes)?)?;
+            (bytes, net)
+        }
+    };
+    let equations = judged.map(|experiment| estimated(experiment, to)).transpose()?;
     let stem = model.file_stem().unwrap_or_default().to_string_lossy();
     let name = name.map_or_else(|| Ok(Name::nearest(&stem)), Name::new)?;
     let origin =
         Origin { proven: proven(&bytes), ..Origin::of_net(&net, crate::VERSION, &sha256(&bytes)) };
     let files = match to {
-        Target::C => pinc_export::net_to_c(&net, &name, &origin)?,
+        Target::C => pinc_export::net_to_c(&net, equations.as_ref(), &name, &origin)?,
         Target::Casadi => pinc_export::net_to_casadi(&net, &name, &origin)?,
         Target::Fmu(version) => {
             vec![fmu(pinc_export::net_to_fmu(&net, &name, &origin, version)?, &name, version)?]
@@ -75,9 +86,19 @@ pub fn export_net(
     write(&files, to, &name, out)
 }
 
+/// The equation by which the error of a net is estimated in an export to `to`.
+fn estimated(experiment: &Experiment, to: Target) -> Result<PlantEquations, RunError> {
+    let refused = |problem: String| RunError::usage(&experiment.name, problem);
+    if to != Target::C {
+        return Err(refused(format!("`--errors` goes `--to c`, not `--to {}`", to.name())));
+    }
+    let problem = "`--errors` needs the plant's equation, and that of [plant] is a black box";
+    experiment.plant.equations().ok_or_else(|| refused(problem.to_owned()))
+}
+
 /// Exports the whole controller of `experiment`, with the net of the file `model` or `only` one of
-/// the config's models in it. All names begin with `name`, by default the experiment's. Returns the
-/// directory.
+/// the config's models in it; `with_errors` says whether C has a function for the estimated error of
+/// the net. All names begin with `name`, by default the experiment's. Returns the directory.
 ///
 /// # Errors
 ///
@@ -87,10 +108,13 @@ pub fn export_controller(
     experiment: &Experiment,
     model: Option<&Path>,
     only: Option<ModelKind>,
-    to: Target,
+    (to, with_errors): (Target, bool),
     name: Option<&str>,
     out: Option<&Path>,
 ) -> Result<PathBuf, RunError> {
+    if with_errors {
+        estimated(experiment, to)?;
+    }
     let chosen = Chosen::of(experiment, model.map(ModelFile::At), only, "pinc export")?;
     if !chosen.measured.is_empty() {
         let key = "control.measured_parameters";
@@ -155,6 +179,7 @@ pub fn export_controller(
         config: &chosen.spec.sqp,
         model: source,
         equations: equations.as_ref(),
+        estimates_error: with_errors,
         initial_state: &chosen.spec.initial_state,
         initial_input: chosen.spec.initial_input.as_deref(),
         reference: &setup.reference()?,

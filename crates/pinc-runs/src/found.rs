@@ -30,6 +30,8 @@ fn has_training(run_dir: &RunDir) -> bool {
 fn has_loops(run_dir: &RunDir) -> bool {
     let done = &run_dir.metrics().control;
     let names = [file::control, file::steps];
-    let mut files = done.iter().flat_map(|of| names.map(|name| name(of.model, done.len())));
+    let files = done.iter().flat_map(|of| names.map(|name| name(of.model, done.len())));
+    let judged = run_dir.metrics().files.contains_key(file::MODEL_ERROR);
+    let mut files = files.chain(judged.then(|| file::MODEL_ERROR.to_owned()));
     files.all(|name| run_dir.is_as_noted(&name))
 }

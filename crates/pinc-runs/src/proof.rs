@@ -1,8 +1,9 @@
 //! Training until the error of a step is proven, and the certificate of it in the model file.
 
 use crate::RunError;
-use crate::certify::{ends, hash, step_error, variables};
+use crate::certify::{ends, hash, variables};
 use crate::progress::{Stage, Verbosity};
+use pinc_check::step_error;
 use pinc_config::Experiment;
 use pinc_net::{PincNet, Points};
 use pinc_record::ByName;

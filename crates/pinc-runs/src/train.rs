@@ -101,7 +101,11 @@ pub(crate) fn stage(
     let metrics = TrainingMetrics { parameters, ..session.metrics(outcome?) };
     let found = setup.found(experiment, &metrics.parameters)?;
     let (plant, test) = found.as_ref().map_or((plant, &test), |of| (&*of.plant, &of.test));
-    let domain_error = domain_error::judge(plant, &net, &setup, experiment.seed, run_dir)?;
+    let mut domain_error = domain_error::judge(plant, &net, &setup, experiment.seed, run_dir)?;
+    // What is found with the net is no equation to prove anything of.
+    if let (Some(of), None, true) = (&mut domain_error, &found, run_dir.keeps_traces()) {
+        of.proven = domain_error::proven(experiment, &net);
+    }
     run_dir.note(&[file::MODEL, file::TRAINING, file::DOMAIN_ERROR]);
     run_dir.update(|all| {
         all.training = Some(metrics);

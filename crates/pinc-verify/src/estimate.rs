@@ -32,7 +32,7 @@ const GAUSS: [[f64; 2]; NODES / 2] = [
 ];
 
 /// Steps of the order 5 integrator that stands for the exact solution of a net without time.
-const REFERENCE_SUBSTEPS: usize = 8;
+pub const REFERENCE_SUBSTEPS: usize = 8;
 
 /// An estimate of the error of one step of a net: the model's state minus the exact solution of the
 /// plant's equation, to first order in the error. Estimating allocates nothing.
@@ -192,8 +192,9 @@ struct AtNodes<V> {
     sum: Vec<f64>,
 }
 
-/// Node `k` on [0, 1], and its weight there.
-fn node(k: usize) -> [f64; 2] {
+/// Node `k` of the quadrature, of [`NODES`], on [0, 1], and its weight there.
+#[must_use]
+pub fn quadrature_node(k: usize) -> [f64; 2] {
     let half = NODES / 2;
     let [at, weight] = if k < half { GAUSS[half - 1 - k] } else { GAUSS[k - half] };
     [0.5 + 0.5 * if k < half { -at } else { at }, 0.5 * weight]
@@ -223,7 +224,7 @@ impl<V: Simd> Work for Pass<'_, V> {
         nodes.enter([x, u, p]);
         nodes.begin(x, error);
         for first in (0..NODES).step_by(V::LANES) {
-            let t = nodes.zero.generate(|lane| nodes.length_s * node(first + lane)[0]);
+            let t = nodes.zero.generate(|lane| nodes.length_s * quadrature_node(first + lane)[0]);
             nodes.forward(t);
             nodes.judge(t, x, first);
         }
@@ -380,8 +381,8 @@ impl<V: Simd> AtNodes<V> {
         let n = error.len();
         let length = self.length_s;
         for k in 0..=NODES {
-            let begin = if k == 0 { 0.0 } else { node(k - 1)[0] };
-            let end = if k == NODES { 1.0 } else { node(k)[0] };
+            let begin = if k == 0 { 0.0 } else { quadrature_node(k - 1)[0] };
+            let end = if k == NODES { 1.0 } else { quadrature_node(k)[0] };
             // Before the first node and after the last the Jacobian is taken from there.
             let (before, after) = (k.saturating_sub(1), k.min(NODES - 1));
             let half = 0.5 * length * (end - begin);
@@ -400,7 +401,7 @@ impl<V: Simd> AtNodes<V> {
                 error.copy_from_slice(&self.sum);
             }
             if k < NODES {
-                let weight = length * node(k)[1];
+                let weight = length * quadrature_node(k)[1];
                 for (i, error) in error.iter_mut().enumerate() {
                     *error += weight * self.residual[i * NODES + k];
                 }
@@ -455,7 +456,8 @@ mod tests {
     #[test]
     fn nodes_integrate_polynomials_of_degree_15_exactly() {
         for power in 0..=16_i32 {
-            let sum: f64 = (0..NODES).map(node).map(|[at, weight]| weight * at.powi(power)).sum();
+            let sum: f64 =
+                (0..NODES).map(quadrature_node).map(|[at, weight]| weight * at.powi(power)).sum();
             let exact = 1.0 / (f64::from(power) + 1.0);
             let is_exact = (sum - exact).abs() < 1e-15;
             assert_eq!(is_exact, power < to_i32(2 * NODES), "{power}: {sum} {exact}");

@@ -43,6 +43,7 @@ mod map;
 mod points;
 mod polynomial;
 mod problem;
+mod proof;
 mod rough;
 mod rounding;
 mod search;
@@ -50,10 +51,11 @@ mod taylor;
 mod workers;
 
 pub use error::VerifyError;
-pub use estimate::{ErrorEstimate, NODES};
+pub use estimate::{ErrorEstimate, NODES, REFERENCE_SUBSTEPS, quadrature_node};
 pub use interval::Interval;
 pub use points::{Largest, PointError};
 pub use problem::{MOST_VARIABLES, StepError, StepModel};
+pub use proof::SMALL_PROOF;
 pub use search::{Bracket, Leaf, Search, SearchSettings};
 
 #[cfg(test)]

@@ -10,6 +10,9 @@ const ORDER: usize = 10;
 /// Steps of the flow, at most.
 const MOST_STEPS: usize = 512;
 
+/// Moves of a search for a larger error, and steps of the flow where it ends, at most.
+pub(crate) const EFFORT: (usize, usize) = (60, MOST_STEPS);
+
 /// What is missing may be this part of the error.
 const SHARE: f64 = 1e-2;
 
@@ -69,21 +72,31 @@ impl StepError {
     /// threads. The result does not depend on their number.
     #[must_use]
     pub fn at_points(&self, points: &[Vec<f64>], threads: usize) -> Vec<PointError> {
+        self.at_points_in(MOST_STEPS, points, threads)
+    }
+
+    /// The errors with so many steps of the flow, at most.
+    fn at_points_in(
+        &self,
+        most_steps: usize,
+        points: &[Vec<f64>],
+        threads: usize,
+    ) -> Vec<PointError> {
         let over = self.enclosing_points(ORDER);
         let batches: Vec<&[Vec<f64>]> = points.chunks(TOGETHER).collect();
-        let found = in_parallel(&batches, threads, |batch| self.at_few(&over, batch));
+        let found = in_parallel(&batches, threads, |batch| self.at_few(&over, batch, most_steps));
         found.into_iter().flatten().collect()
     }
 
     /// At as many points as are computed together: with more and more steps of the flow, until the
     /// error is known well or no better.
-    fn at_few(&self, over: &Enclosing, points: &[Vec<f64>]) -> Vec<PointError> {
+    fn at_few(&self, over: &Enclosing, points: &[Vec<f64>], most_steps: usize) -> Vec<PointError> {
         let boxes: Vec<Vec<[f64; 2]>> =
             points.iter().map(|point| point.iter().map(|v| [*v, *v]).collect()).collect();
         let boxes: Vec<&[[f64; 2]]> = boxes.iter().map(Vec::as_slice).collect();
         let mut best: Vec<PointError> = Vec::new();
         let mut steps = 1;
-        while steps <= MOST_STEPS {
+        while steps <= most_steps {
             let found = self.enclose(over, &boxes, steps);
             let found: Vec<PointError> = found.iter().map(PointError::of).collect();
             if best.is_empty() {
@@ -104,18 +117,18 @@ impl StepError {
         best
     }
 
-    /// The fewest steps of the flow with which boxes as small as `points` lose at most `allowed`
-    /// of each state.
+    /// The fewest steps of the flow, of so many at most, with which boxes as small as `points` lose
+    /// at most `allowed` of each state.
     pub(crate) fn steps_for(
         &self,
-        order: usize,
+        (order, most_steps): (usize, usize),
         points: &[Vec<f64>],
         allowed: &[f64],
         threads: usize,
     ) -> usize {
         let over = self.enclosing_points(order);
         let mut steps = 1;
-        while steps < MOST_STEPS {
+        while steps < most_steps {
             let batches: Vec<&[Vec<f64>]> = points.chunks(TOGETHER).collect();
             let good = in_parallel(&batches, threads, |batch| {
                 let boxes: Vec<Vec<[f64; 2]>> =
@@ -176,9 +189,6 @@ const STARTS: usize = 3;
 const FIRST_STEP: f64 = 0.05;
 const LAST_STEP: f64 = 5e-4;
 
-/// Moves of the search, at most.
-const MOVES: usize = 60;
-
 impl StepError {
     /// The `count` points, of 20 times as many that fill the domain, whose errors are largest by
     /// their ratio to `tolerance` (one per state), the largest first; and where searches from the
@@ -200,7 +210,8 @@ impl StepError {
         let ratios = in_parallel(&points, threads, ratio);
         let mut order: Vec<usize> = (0..points.len()).collect();
         order.sort_by(|a, b| ratios[*b].total_cmp(&ratios[*a]));
-        let climbed = self.largest(domain, &points, threads).into_iter().map(|found| found.at);
+        let climbed = self.largest(domain, &points, EFFORT, threads).into_iter();
+        let climbed = climbed.map(|found| found.at);
         let worst = order.into_iter().take(count).map(|i| points[i].clone());
         climbed.chain(worst).collect()
     }
@@ -211,6 +222,7 @@ impl StepError {
         &self,
         domain: &[[f64; 2]],
         points: &[Vec<f64>],
+        effort: (usize, usize),
         threads: usize,
     ) -> Vec<Largest> {
         let rough = in_parallel(points, threads, |point| self.rough(point));
@@ -218,8 +230,9 @@ impl StepError {
             let mut order: Vec<usize> = (0..points.len()).collect();
             order.sort_by(|a, b| rough[*b][state].total_cmp(&rough[*a][state]));
             let starts: Vec<usize> = order.into_iter().take(STARTS).collect();
-            let climbed =
-                in_parallel(&starts, threads, |&start| self.climb(domain, &points[start], state));
+            let climbed = in_parallel(&starts, threads, |&start| {
+                self.climb(domain, &points[start], state, effort)
+            });
             let better = |a: Largest, b: Largest| if b.error > a.error { b } else { a };
             climbed.into_iter().reduce(better).expect("there is a point")
         };
@@ -227,11 +240,18 @@ impl StepError {
     }
 
     /// The error of one state at a local maximum near `from`: the best of the neighbours along each
-    /// variable, with steps that shrink where none is better.
-    pub(crate) fn climb(&self, domain: &[[f64; 2]], from: &[f64], state: usize) -> Largest {
+    /// variable, with steps that shrink where none is better, in so many moves at most; and steps of
+    /// the flow where it ends.
+    pub(crate) fn climb(
+        &self,
+        domain: &[[f64; 2]],
+        from: &[f64],
+        state: usize,
+        (moves, most_steps): (usize, usize),
+    ) -> Largest {
         let (mut best, mut step) = (from.to_vec(), FIRST_STEP);
         let mut error = self.rough(&best)[state];
-        for _ in 0..MOVES {
+        for _ in 0..moves {
             let before = error;
             for k in 0..2 * domain.len() {
                 let mut at = best.clone();
@@ -250,7 +270,8 @@ impl StepError {
                 break;
             }
         }
-        let error = self.at_points(std::slice::from_ref(&best), 1)[0].least()[state];
+        let enclosed = self.at_points_in(most_steps, std::slice::from_ref(&best), 1);
+        let error = enclosed[0].least()[state];
         Largest { error, at: best }
     }
 }

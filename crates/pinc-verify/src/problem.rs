@@ -46,6 +46,13 @@ pub(crate) struct Enclosing {
     pub(crate) cuts: Cuts,
 }
 
+impl Enclosing {
+    /// Coefficients of a polynomial in the variables.
+    pub(crate) fn coefficients(&self) -> usize {
+        self.flow.space.basis.monomials()
+    }
+}
+
 /// The enclosed error in one box.
 #[derive(Clone, Debug)]
 pub(crate) struct BoxError {

@@ -1,7 +1,7 @@
 //! Branch and bound: the largest error of a step over a whole box, from both sides.
 
 use crate::error::VerifyError;
-use crate::points::{Largest, spread};
+use crate::points::{EFFORT, Largest, spread};
 use crate::problem::{BoxError, Enclosing, MOST_VARIABLES, StepError, TOGETHER};
 use crate::rounding::up;
 use crate::workers::in_parallel;
@@ -19,13 +19,25 @@ pub struct SearchSettings {
     pub degree: Option<usize>,
     /// Points of the sample in which large errors are looked for first.
     pub points: usize,
+    /// Moves of each search for a larger error from a point, at most.
+    pub moves: usize,
+    /// Steps of the flow of a box, at most; a power of 2.
+    pub most_steps: usize,
     /// Where the sample begins.
     pub seed: u64,
 }
 
 impl Default for SearchSettings {
     fn default() -> Self {
-        Self { ratio: 1.1, tolerance: None, degree: None, points: 2000, seed: 1 }
+        Self {
+            ratio: 1.1,
+            tolerance: None,
+            degree: None,
+            points: 2000,
+            moves: EFFORT.0,
+            most_steps: EFFORT.1,
+            seed: 1,
+        }
     }
 }
 
@@ -79,6 +91,8 @@ pub struct Search {
     /// Leaves that are.
     closed: Vec<Leaf>,
     boxes: u64,
+    /// Coefficients of all boxes, each times the steps of its flow.
+    work: u64,
 }
 
 /// Leaves that are cut in a round, at most.
@@ -89,9 +103,6 @@ const DEEPEST: usize = 60;
 
 /// The part of a goal that what is missing in the flow of a point may take.
 const FLOW_SHARE: f64 = 2e-2;
-
-/// Steps of the flow of a leaf, at most.
-const MOST_STEPS: usize = 256;
 
 /// Errors below this part of a state's range are rounding.
 const NEGLIGIBLE: f64 = 1e-11;
@@ -118,7 +129,8 @@ impl Search {
             return Err(VerifyError::Domain { found: domain.len(), expected: variables });
         }
         let points = spread(domain, settings.points, settings.seed);
-        let found = error.largest(domain, &points, threads);
+        let effort = (settings.moves, settings.most_steps);
+        let found = error.largest(domain, &points, effort, threads);
         let mut search = Self {
             settings,
             domain: domain.to_vec(),
@@ -126,11 +138,13 @@ impl Search {
             open: Vec::new(),
             closed: Vec::new(),
             boxes: 0,
+            work: 0,
         };
         let allowed: Vec<f64> = search.goals().iter().map(|goal| FLOW_SHARE * goal).collect();
         // The last ones are corners.
         let hard: Vec<Vec<f64>> = points.into_iter().rev().take(160).collect();
-        let steps = error.steps_for(search.order(), &hard, &allowed, threads);
+        let most = search.settings.most_steps;
+        let steps = error.steps_for((search.order(), most), &hard, &allowed, threads);
         let whole = Leaf {
             ends: domain.to_vec(),
             bound: vec![None; error.states()],
@@ -184,6 +198,14 @@ impl Search {
         self.found.iter().zip(tolerance).any(|(found, tolerance)| found.error > *tolerance)
     }
 
+    /// The work that is done, and about what one more round adds: the coefficients of boxes, each
+    /// times the steps of its flow.
+    pub(crate) fn work_after_a_round(&self, error: &StepError) -> u64 {
+        let halves = self.open.iter().take(ROUND).map(|leaf| 2 * leaf.steps as u64);
+        let over = error.enclosing(self.degree(), self.order());
+        self.work + over.coefficients() as u64 * halves.sum::<u64>()
+    }
+
     /// Cuts the worst leaves.
     ///
     /// # Panics
@@ -226,9 +248,12 @@ impl Search {
             let boxes: Vec<&[[f64; 2]]> = batch.iter().map(|leaf| &leaf.ends[..]).collect();
             let found = error.enclose(&over, &boxes, batch[0].steps);
             let pairs = batch.iter().zip(&found);
-            pairs.map(|(leaf, found)| judge(&over, leaf, found, &goals)).collect::<Vec<_>>()
+            let most = self.settings.most_steps;
+            pairs.map(|(leaf, found)| judge((&over, most), leaf, found, &goals)).collect::<Vec<_>>()
         });
         self.boxes += leaves.len() as u64;
+        let steps = leaves.iter().map(|leaf| leaf.steps as u64).sum::<u64>();
+        self.work += over.coefficients() as u64 * steps;
         let judged: Vec<(Leaf, Vec<f64>)> = judged.into_iter().flatten().collect();
         self.look_at(error, &judged);
         let goals = self.goals();
@@ -246,7 +271,8 @@ impl Search {
             if least[state] > self.found[state].error * (1.0 + 1e-6) {
                 let at: Vec<f64> =
                     leaf.ends.iter().map(|[low, high]| 0.5 * low + 0.5 * high).collect();
-                let found = error.climb(&self.domain, &at, state);
+                let effort = (self.settings.moves, self.settings.most_steps);
+                let found = error.climb(&self.domain, &at, state, effort);
                 if found.error > self.found[state].error {
                     self.found[state] = found;
                 }
@@ -328,7 +354,12 @@ fn excess(leaf: &Leaf, goals: &[f64]) -> f64 {
 
 /// The leaf with the bounds that follow from its enclosure, and what each state's error is in it at
 /// least.
-fn judge(over: &Enclosing, leaf: &Leaf, found: &BoxError, goals: &[f64]) -> (Leaf, Vec<f64>) {
+fn judge(
+    (over, most_steps): (&Enclosing, usize),
+    leaf: &Leaf,
+    found: &BoxError,
+    goals: &[f64],
+) -> (Leaf, Vec<f64>) {
     let mut judged = leaf.clone();
     let mut least = vec![0.0; goals.len()];
     for (state, goal) in goals.iter().enumerate() {
@@ -344,18 +375,18 @@ fn judge(over: &Enclosing, leaf: &Leaf, found: &BoxError, goals: &[f64]) -> (Lea
             least[state] = (bounds.least - missing).max(0.0);
         }
     }
-    plan(over, &mut judged, found, goals);
+    plan((over, most_steps), &mut judged, found, goals);
     (judged, least)
 }
 
 /// Decides how a leaf is cut, should it be: in the variable that drives what keeps the worst state
 /// from its goal. Where that is the flow's remainder and a cut did not help, it needs more steps.
-fn plan(over: &Enclosing, leaf: &mut Leaf, found: &BoxError, goals: &[f64]) {
+fn plan((over, most_steps): (&Enclosing, usize), leaf: &mut Leaf, found: &BoxError, goals: &[f64]) {
     let ratio = |i: usize| leaf.bound[i].map_or(f64::INFINITY, |bound| bound / goals[i]);
     let worst = (0..goals.len()).max_by(|a, b| ratio(*a).total_cmp(&ratio(*b))).unwrap_or(0);
     let (map, flow) = (found.of_map[worst], found.of_flow[worst]);
     let limits = flow > map && flow > 0.3 * goals[worst];
-    if limits && leaf.steps < MOST_STEPS && leaf.flow.is_some_and(|before| flow > before / 1.5) {
+    if limits && leaf.steps < most_steps && leaf.flow.is_some_and(|before| flow > before / 1.5) {
         leaf.steps *= 2;
         leaf.flow = None;
     } else {

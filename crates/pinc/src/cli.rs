@@ -3,7 +3,7 @@
 use crate::choices::{
     CertifyArgs, Outside, RunArgs, SetArgs, SweepArgs, To, loopback, model_kind, seconds, share,
 };
-use crate::options::{arguments, options};
+use crate::options::{arguments, judged, options};
 use crate::printed::{failure, show, usage};
 use crate::summary::summary;
 use clap::{Parser, Subcommand};
@@ -176,6 +176,10 @@ enum Command {
         /// Write an FMU of FMI 3.0, with arrays as variables, instead of FMI 2.0.
         #[arg(long)]
         fmi3: bool,
+        /// Write a function for the estimated error of the net's step, to C; for a net alone against
+        /// the plant of `config.toml` beside the model.
+        #[arg(long, conflicts_with = "plant")]
+        errors: bool,
         #[command(flatten)]
         set: SetArgs,
     },
@@ -301,16 +305,26 @@ fn execute(cli: &Cli, plants: &Plants) -> Result<ExitCode, RunError> {
             })?;
         }
         Command::Predict { model, inputs, output, outside_domain, errors, config } => {
-            let beside = || model.with_file_name(pinc_record::file::CONFIG);
-            let judged = errors.then(|| config.clone().unwrap_or_else(beside));
-            let judged = judged.map(|path| Experiment::load(&path, &[], plants)).transpose()?;
+            let judged = judged(*errors, model, config.as_deref(), plants)?;
             let policy = outside_domain.policy();
             let found = pinc_runs::predict(model, inputs, output, policy, judged.as_ref())?;
             if found.outside > 0 && !quiet {
                 console::note(&format!("warning: {found}"));
             }
         }
-        Command::Export { config, model, only, to, out, name, plant, double, fmi3, set } => {
+        Command::Export {
+            config,
+            model,
+            only,
+            to,
+            out,
+            name,
+            plant,
+            double,
+            fmi3,
+            errors,
+            set,
+        } => {
             let (to, name, out) = (to.target(*double, *fmi3), name.as_deref(), out.as_deref());
             let model = model.as_deref();
             let dir = match (config, model) {
@@ -321,9 +335,13 @@ fn execute(cli: &Cli, plants: &Plants) -> Result<ExitCode, RunError> {
                         show(quiet, &dir.display().to_string())?;
                         return Ok(ExitCode::SUCCESS);
                     }
+                    let to = (to, *errors);
                     pinc_runs::export_controller(&experiment, model, *only, to, name, out)?
                 }
-                (None, Some(model)) => pinc_runs::export_net(model, to, name, out)?,
+                (None, Some(model)) => {
+                    let judged = judged(*errors, model, None, plants)?;
+                    pinc_runs::export_net(model, to, name, out, judged.as_ref())?
+                }
                 (None, None) => unreachable!("one of them is required"),
             };
             show(quiet, &dir.display().to_string())?;

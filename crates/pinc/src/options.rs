@@ -1,6 +1,8 @@
 //! How a command is called and interrupted.
 
-use pinc_runs::{Options, Verbosity, console};
+use pinc_config::{Experiment, Plants};
+use pinc_runs::{Options, RunError, Verbosity, console};
+use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 /// Set by Ctrl-C.
@@ -27,4 +29,17 @@ fn catch_interrupts() -> &'static AtomicBool {
         console::note("stopping after this iteration (once more: at once)");
     });
     &INTERRUPT
+}
+
+/// The experiment that the net in the file `model` is judged against, if it is: of a config that is
+/// given, or of the one beside it.
+pub(crate) fn judged(
+    errors: bool,
+    model: &Path,
+    config: Option<&Path>,
+    plants: &Plants,
+) -> Result<Option<Experiment>, RunError> {
+    let beside = || model.with_file_name(pinc_record::file::CONFIG);
+    let path = errors.then(|| config.map_or_else(beside, Path::to_owned));
+    Ok(path.map(|path| Experiment::load(&path, &[], plants)).transpose()?)
 }

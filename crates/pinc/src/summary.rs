@@ -40,10 +40,14 @@ fn metrics(text: &mut String, metrics: &Metrics) -> std::fmt::Result {
         let place = of.max_at.named(&metrics.states, &metrics.inputs);
         writeln!(
             text,
-            "domain      one step in [domain], in widths: rms {:.1e}, p99 {:.1e}, max {:.1e} at \
-             {place}\n            rms of RK4 there: x1 {:.1e}, x2 {:.1e}, x4 {:.1e}",
+            "domain      one step in [domain], sampled, in widths: rms {:.1e}, p99 {:.1e}, max {:.1e} \
+             at {place}\n            rms of RK4 there: x1 {:.1e}, x2 {:.1e}, x4 {:.1e}",
             of.rms, of.p99, of.max, of.rk4.one, of.rk4.two, of.rk4.four
         )?;
+        let proven = of.proven.to_string();
+        if !proven.is_empty() {
+            writeln!(text, "            {proven}")?;
+        }
     }
     if let Some(measured) = metrics.validation.as_ref().and_then(|v| v.measured_mse) {
         writeln!(text, "held out    mse of measured states, normalized {measured:.3e}")?;

@@ -66,7 +66,10 @@ pub fn choose(
     let mut session = Session::open(&base, dir, plants, options, how.budget_s)?;
     let (control, sources, states) = (base.control(), &base.sources, base.states());
     let search = Search { control, sources, states, within: how.within };
-    let found = search.run(&mut session)?;
+    let mut found = search.run(&mut session)?;
+    if let Some(standard) = search.standard(&found.tried) {
+        found.prove(&standard, |tried| session.proven(tried));
+    }
     let Some(advice) = Advice::of(&search, &found, &base.notes) else {
         return Err(nothing(&experiment.name, &found));
     };

@@ -3,12 +3,14 @@
 use super::base::Base;
 use pinc_choose::{Candidate, Loops, Purpose, Score, Tried};
 use pinc_config::{Experiment, Plants, Trial, trials};
-use pinc_record::{Ending, Finished, Invocation, OneStepMetrics, Provenance, RunDir, SweepDir};
+use pinc_record::{
+    Ending, Finished, Invocation, OneStepMetrics, Provenance, RunDir, SweepDir, file,
+};
 use pinc_runs::RunError;
 use pinc_runs::clock::Deadline;
 use pinc_runs::invocation::{cores, invocation};
 use pinc_runs::progress::{Stage, Verbosity};
-use pinc_runs::{IntegratorBox, Options, Threads, run_trial, train_shared};
+use pinc_runs::{IntegratorBox, Options, Threads, proven_net_error, run_trial, train_shared};
 use std::path::Path;
 
 /// The candidates tried so far, and where what came of them lies.
@@ -102,6 +104,20 @@ impl<'a> Session<'a> {
                 self.of_box.as_ref()?.soundness(integrator, substeps).objection()
             }
             Candidate::Net { .. } => None,
+        }
+    }
+
+    /// A proven bound of a model's error of one step, in widths of the box where the loop may go, if
+    /// a proof takes little work.
+    pub(super) fn proven(&self, tried: &Tried) -> Option<f64> {
+        match (tried.candidate, &tried.net) {
+            (Candidate::Integrator { integrator, substeps }, _) => {
+                self.of_box.as_ref()?.proven(integrator, substeps, cores())
+            }
+            (Candidate::Net { .. }, net) => {
+                let model = self.sweep_dir.net(net.as_ref()?).join(file::MODEL);
+                proven_net_error(&self.base.experiment, &model).ok()?
+            }
         }
     }
 

@@ -92,6 +92,17 @@ impl SearchResult {
         Ok(true)
     }
 
+    /// Adds what `proof` gives for each model that is good.
+    pub fn prove(&mut self, standard: &Standard, proof: impl Fn(&Tried) -> Option<f64>) {
+        for tried in &mut self.tried {
+            let is_good = tried.result.as_ref().is_ok_and(|score| standard.is_good(score));
+            let proven = if is_good { proof(tried) } else { None };
+            if let Ok(score) = &mut tried.result {
+                score.proven = proven;
+            }
+        }
+    }
+
     fn known(&self, candidate: Candidate) -> Option<&Tried> {
         self.tried.iter().find(|tried| tried.candidate == candidate)
     }

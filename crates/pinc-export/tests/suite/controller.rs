@@ -201,6 +201,7 @@ impl Case {
             config: &self.config,
             model: self.source(),
             equations: self.outputs_of.as_ref(),
+            estimates_error: false,
             initial_state: &middle,
             initial_input: begin.initial_input.as_deref(),
             reference: begin.reference.as_ref().unwrap_or(&held),

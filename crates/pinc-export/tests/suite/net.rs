@@ -5,9 +5,12 @@ use pinc_export::{
     ExportError, FmiVersion, GeneratedFile, Name, Origin, Precision, net_to_c, net_to_casadi,
     net_to_fmu, net_to_onnx,
 };
+use pinc_expr::PlantEquations;
 use pinc_net::{Ansatz, Domain, NetConfig, NetError, PincModel, PincNet, Scenario};
 use pinc_ode::{DynPlant, Linearization, Model, Stages};
 use pinc_plants::{FourTanks, VanDerPol};
+use pinc_verify::ErrorEstimate;
+use serde_json::Value;
 
 /// Reads states and inputs until the end, and writes step, linearization and inner state.
 const DRIVER: &str = r#"
@@ -73,7 +76,7 @@ pub(crate) fn nets() -> [PincNet; 3] {
 
 fn sources(net: &PincNet) -> Sources {
     let name = Name::new("net").unwrap();
-    Sources::new(&net_to_c(net, &name, &Origin::of_net(net, "0", "00")).unwrap())
+    Sources::new(&net_to_c(net, None, &name, &Origin::of_net(net, "0", "00")).unwrap())
 }
 
 /// Points in the domain, flat, and what the library makes of them.
@@ -129,14 +132,14 @@ fn a_net_that_overflows_is_refused() {
     let double = |net: &PincNet| net_to_onnx(net, &name, &origin, Precision::Double);
     for (first, last, part) in [(1.7e308, 0.0, "layer 1"), (0.1, 1.7e308, "layer 5")] {
         let large = scaled(first, last);
-        refused(net_to_c(&large, &name, &origin), part);
+        refused(net_to_c(&large, None, &name, &origin), part);
         refused(net_to_fmu(&large, &name, &origin, FmiVersion::Three), part);
         refused(net_to_casadi(&large, &name, &origin), part);
         refused(double(&large).map(|file| vec![file]), part);
     }
     let large = scaled(0.1, 1e39);
     refused(single(&large).map(|file| vec![file]), "32 bits");
-    assert!(double(&large).is_ok() && net_to_c(&large, &name, &origin).is_ok());
+    assert!(double(&large).is_ok() && net_to_c(&large, None, &name, &origin).is_ok());
 }
 
 #[test]
@@ -173,13 +176,101 @@ fn the_self_test_can_fail() {
     let [net, ..] = nets();
     let name = Name::new("net").unwrap();
     let origin = Origin::of_net(&net, "0", "00");
-    let mut files = net_to_c(&net, &name, &origin).unwrap();
+    let mut files = net_to_c(&net, None, &name, &origin).unwrap();
     let mut weights = net.mlp().parameters().to_vec();
     weights[20] += 1e-9;
-    let other = net_to_c(&net.with_parameters(&weights), &name, &origin).unwrap();
+    let other = net_to_c(&net.with_parameters(&weights), None, &name, &origin).unwrap();
     files[1] = other[1].clone();
     let failed = std::panic::catch_unwind(|| Sources::new(&files).selftest("net", &[]));
     assert!(failed.is_err());
+}
+
+const ERROR_DRIVER: &str = r#"
+#include "net_error.h"
+#include <stdio.h>
+int main(void)
+{
+    NET_REAL x[NET_NX], u[NET_NU], error[NET_NX];
+    for (;;) {
+        int i;
+        for (i = 0; i < NET_NX + NET_NU; i++) {
+            double v;
+            if (scanf("%lf", &v) != 1) {
+                return 0;
+            }
+            (i < NET_NX ? x : u)[i < NET_NX ? i : i - NET_NX] = (NET_REAL)v;
+        }
+        net_error(x, u, error);
+        for (i = 0; i < NET_NX; i++) {
+            printf("%.17g\n", (double)error[i]);
+        }
+    }
+}
+"#;
+
+/// The net as one that was trained on an integrator's steps.
+fn distilled(net: &PincNet) -> PincNet {
+    let bytes = net.to_bytes();
+    let length = usize::try_from(u64::from_le_bytes(bytes[..8].try_into().unwrap())).unwrap();
+    let mut header: Value = serde_json::from_slice(&bytes[8..8 + length]).unwrap();
+    let mut model: Value =
+        serde_json::from_str(header["__metadata__"]["model"].as_str().unwrap()).unwrap();
+    model["source"] = "integrator".into();
+    header["__metadata__"]["model"] = model.to_string().into();
+    let text = header.to_string();
+    let mut all = (text.len() as u64).to_le_bytes().to_vec();
+    all.extend(text.bytes().chain(bytes[8 + length..].iter().copied()));
+    PincNet::from_bytes(&all).unwrap()
+}
+
+#[test]
+fn c_estimates_errors_as_the_library_does() {
+    let oscillator = |mu: f64| PlantEquations::traced(VanDerPol { mu });
+    let [hard, direct, tanks] = nets();
+    let of_tanks = PlantEquations::traced(FourTanks::antonelo());
+    let cases = [
+        (distilled(&hard), oscillator(1.0)),
+        (hard, oscillator(1.0)),
+        (direct, oscillator(1.0)),
+        (tanks, of_tanks),
+    ];
+    for (net, equations) in &cases {
+        let origin = Origin::of_net(net, "0", "00");
+        let name = Name::new("net").unwrap();
+        let files = net_to_c(net, Some(equations), &name, &origin).unwrap();
+        let sources = Sources::new(&files);
+        assert!(sources.assert_portable("net").contains("12 cases"));
+        sources.selftest_in_float();
+        let plant = equations.to_dyn().unwrap();
+        let mut estimate = ErrorEstimate::new(net, &*plant).unwrap();
+        let (given, _) = expected(net);
+        let dims = net.dims();
+        let found = sources.drive(ERROR_DRIVER, &[], &given);
+        let points = given.chunks_exact(dims.nx + dims.nu);
+        for (point, found) in points.zip(found.chunks_exact(dims.nx)) {
+            let mut expected = vec![0.0; dims.nx];
+            estimate.write(&point[..dims.nx], &point[dims.nx..], &[], &mut expected);
+            let size = expected.iter().fold(0.0, |size: f64, e| size.max(e.abs()));
+            for (found, expected) in found.iter().zip(&expected) {
+                assert!((found - expected).abs() < 1e-9 * size, "{found} {expected} {size}");
+            }
+        }
+        if dims.nx > 2 {
+            continue;
+        }
+        // The estimate against another equation is another, which the self-test says.
+        let other = net_to_c(net, Some(&oscillator(1.001)), &name, &origin).unwrap();
+        let changed: Vec<GeneratedFile> = files
+            .iter()
+            .map(|file| {
+                let is_estimate = ["_error.c", "_rk5.c"].iter().any(|of| file.path.ends_with(of));
+                let same = other.iter().find(|other| is_estimate && other.path == file.path);
+                same.unwrap_or(file).clone()
+            })
+            .collect();
+        let failed = std::panic::catch_unwind(|| Sources::new(&changed).selftest("net", &[]));
+        assert!(failed.is_err());
+    }
 }
 
 #[test]
@@ -188,7 +279,8 @@ fn a_net_of_one_scenario_is_refused() {
     let config = NetConfig { time_only: Some(scenario), ..NetConfig::new(0.5, 1, 4) };
     let plant = VanDerPol::default().into_dyn();
     let net = PincNet::new(&*plant, &config, &oscillator(), 3).unwrap();
-    let refused = net_to_c(&net, &Name::new("net").unwrap(), &Origin::of_net(&net, "0", "00"));
+    let refused =
+        net_to_c(&net, None, &Name::new("net").unwrap(), &Origin::of_net(&net, "0", "00"));
     assert!(matches!(refused, Err(ExportError::Net(NetError::OneScenario))));
 }
 
@@ -199,7 +291,7 @@ fn the_header_states_names_domain_and_hash() {
     let mut origin = Origin::of_net(&net, "1.2.3", "c0ffee");
     origin.states[0].unit = "m */".into();
     origin.proven = Some("proven: x1 1e-3 */".to_owned());
-    let files = net_to_c(&net, &Name::new("osc").unwrap(), &origin).unwrap();
+    let files = net_to_c(&net, None, &Name::new("osc").unwrap(), &origin).unwrap();
     let header = String::from_utf8(files[0].bytes.clone()).unwrap();
     assert_eq!(files[0].path, "osc_net.h");
     for part in [

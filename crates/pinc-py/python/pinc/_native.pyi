@@ -73,7 +73,7 @@ class Model:
         p: Optional[ArrayLike] = None,
     ) -> _Array:
         """The estimated error of the state after T, to first order, against the equation of the
-        plant of ``config``."""
+        plant of ``config``, which is read once for calls with the same one."""
     @property
     def layers(self) -> list[tuple[_Array, _Array]]:
         """Weights ``(outputs, inputs)`` and bias of each layer at the end of a step, from

@@ -11,7 +11,8 @@ fn with_domain_error() -> TempDir {
         "validation": { "domain_error": { "rms": 1.25e-3, "p99": 0.0625, "max": 0.375,
             "max_at": { "x": [0.75, -1.0, 1.5], "u": [0.5] }, "max_of": "b",
             "predicted": -0.25, "truth": 0.5, "share_off": 0.0625, "points": 1000, "unsolved": 0,
-            "rk4": { "1": 0.5, "2": 3.5e-2, "4": null } },"#;
+            "rk4": { "1": 0.5, "2": 3.5e-2, "4": null },
+            "proven": { "net": 0.4, "rk4": { "2": 0.0366 } } },"#;
     write(&dir, "metrics.json", &METRICS.replace("\"validation\": {", of));
     let mut table = "a,b,c,u,error\n".to_owned();
     for i in 0..1000 {
@@ -43,6 +44,7 @@ fn a_net_that_is_wrong_in_a_corner_is_shown_there_and_warned_of() {
         "Largest</th><td>0.3",
         "RK4 with 2 substeps</th><td>0.035",
         "RK4 with 4 substeps</th><td>–</td>",
+        "Anywhere in it the net is proven to be wrong by at most 4.0e-1, RK4 x2 by 3.7e-2.",
     ] {
         assert!(html.contains(said), "no {said}");
     }
@@ -58,6 +60,36 @@ fn errors_that_are_no_numbers_are_hatched() {
     // Columns that do not belong to the config make no picture.
     write(&dir, "domain-error.csv", "a,b,error\n0,0,1\n");
     assert!(!stems(dir.path()).contains(&"domain-error".to_owned()));
+}
+
+#[test]
+fn the_errors_of_the_net_are_drawn_along_the_loop() {
+    let dir = whole();
+    assert!(!stems(dir.path()).contains(&"model-error".to_owned()));
+    let mut table = "t,a_err,a_true_err,b_err,b_true_err,c_err,c_true_err\n".to_owned();
+    for k in 0..100 {
+        let t = 0.5 * f64::from(k);
+        let error = 1e-4 * (0.3 * t).sin();
+        let _ = writeln!(table, "{t},{error},{},1e-6,-1e-6,0,nan", 1.1 * error);
+    }
+    write(&dir, "model-error.csv", &table);
+    let config = CONFIG.replace(
+        "[control]",
+        "[control]\nerror_tolerance = { a = 5e-5 }\non_error = \"integrator\"",
+    );
+    write(&dir, "config.toml", &config);
+    let judged = r#""model_error": { "steps": 100, "beyond": 42, "largest": { "a": 1e-4 },
+        "tolerance": { "a": 5e-5 } }, "model": "pinc","#;
+    let metrics = METRICS.replacen(r#""model": "pinc","#, judged, 1);
+    write(&dir, "metrics.json", &metrics);
+    let picture = svg(dir.path(), "model-error");
+    assert_sound(&picture);
+    for word in ["|error of a| (cm)", "|error of b| (cm)", "true", "estimated", "tolerance"] {
+        assert!(picture.contains(word), "no {word}");
+    }
+    let html = build(dir.path()).unwrap();
+    let said = "in 42 of 100 steps: a at most 1.0e-4; an integrator made these steps.";
+    assert!(html.contains(said));
 }
 
 #[test]

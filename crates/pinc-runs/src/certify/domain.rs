@@ -5,7 +5,7 @@ use crate::invocation::cores;
 use crate::progress::Stage;
 use crate::{Options, RunError};
 use pinc_record::{ByName, DomainCertificate, RunDir, file, read_text};
-use pinc_report::{MapLabels, ValuedBox, box_map};
+use pinc_report::{BoxMap, MapLabels, ValuedBox};
 use pinc_verify::{Bracket, Leaf, Search, SearchSettings, StepError};
 use serde::{Deserialize, Serialize};
 use std::sync::atomic::Ordering;
@@ -13,6 +13,9 @@ use std::time::{Duration, Instant};
 
 /// Time between two writings of the search.
 const WRITE_EVERY: Duration = Duration::from_secs(10);
+
+/// Cells along an axis of the map.
+const CELLS: usize = 48;
 
 /// A search to be resumed.
 #[derive(Serialize, Deserialize)]
@@ -91,7 +94,16 @@ fn map(subject: &Subject, search: &Search) -> Option<String> {
         value: "log₁₀ of the proven bound (widths)",
         unknown: "nothing is proven",
     };
-    box_map(labels, (&subject.labels(), subject.states.len()), &subject.domain, &boxes)
+    let map = BoxMap {
+        labels,
+        variables: &subject.labels(),
+        preferred: subject.states.len(),
+        domain: &subject.domain,
+        boxes: &boxes,
+        cells: CELLS,
+        mark: None,
+    };
+    map.figure()?.0.svg()
 }
 
 /// The ratios of proven to found errors.

@@ -9,12 +9,11 @@ mod verify;
 use super::Options;
 use crate::RunError;
 use crate::invocation::{cores, invocation};
-use pinc_config::{Experiment, ModelKind, PlantSpec};
+use pinc_config::{Experiment, ModelKind};
 use pinc_net::{Domain, PincNet};
 use pinc_record::{
     CertificateMetrics, CsvText, DomainCertificate, Provenance, RunDir, file, number,
 };
-use pinc_verify::{StepError, StepModel};
 use points::{Judged, random, read_points};
 use sha2::{Digest, Sha256};
 use std::fmt::Write as _;
@@ -45,21 +44,6 @@ pub(crate) fn hash(bytes: &[u8]) -> String {
 /// The ends of the states, inputs and parameters of a domain.
 pub(crate) fn ends(domain: &Domain) -> Vec<[f64; 2]> {
     domain.ends().map(|(low, high)| [low, high]).collect()
-}
-
-/// One step of `model` over `sample_time_s` beside the flow of the plant's equation, in which the
-/// parameters `varying` are variables; a reason where it cannot be enclosed.
-pub(crate) fn step_error(
-    plant: &PlantSpec,
-    varying: &[&str],
-    model: StepModel<'_>,
-    sample_time_s: f64,
-) -> Result<StepError, String> {
-    let black_box = || "the plant is a black box: it has no equation to enclose".to_owned();
-    let equations = plant.equations().ok_or_else(black_box)?;
-    let inputs = plant.variables().inputs.len();
-    let error = StepError::new(&equations, varying, inputs, model, sample_time_s);
-    error.map_err(|error| error.to_string())
 }
 
 /// The names of a net's states, inputs and parameters.

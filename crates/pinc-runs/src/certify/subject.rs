@@ -1,9 +1,10 @@
 //! The model whose step is judged, with the plant that it stands for.
 
+use super::ends;
 use super::points::Judged;
-use super::{ends, step_error};
 use crate::RunError;
 use crate::read_matching_model;
+use pinc_check::step_error;
 use pinc_config::{Experiment, ModelKind};
 use pinc_net::{Domain, PincModel, PincNet};
 use pinc_ode::{DynPlant, Integrator, Model, Simulator, Variable};

@@ -95,6 +95,26 @@ fn the_error_of_runge_kutta_is_bracketed() {
     assert!(bracket.is_complete && bracket.found[1].error < 1e-4, "{bracket:?}");
 }
 
+/// A proof with little work is as near, and never below an error; elsewhere there is none.
+#[test]
+fn a_small_proof_is_near_or_none() {
+    let plant = VanDerPol::default();
+    let model = StepModel::RungeKutta(Tableau::CLASSICAL, 2);
+    let error = StepError::new(&oscillator(), &[], 1, model, 0.3).unwrap();
+    let ends = ends(&domain());
+    let proven = error.small_proof(&ends, 1).unwrap();
+    assert_eq!(error.small_proof(&ends, 3).as_ref(), Some(&proven));
+    let bracket = search(&error, &ends, 1.1, 60).bracket();
+    for (i, (proven, found)) in proven.iter().zip(&bracket.found).enumerate() {
+        let at = truth(&plant, &mut rk4(2), &found.at)[i].abs();
+        assert!(*proven >= at && *proven <= 1.26 * at, "{proven} {at}");
+    }
+    // A kink through the domain.
+    let kink = equations(&[("x", "u - max(x, 0.5)")]);
+    let error = StepError::new(&kink, &[], 1, model, 0.5).unwrap();
+    assert_eq!(error.small_proof(&[[0.0, 1.0], [0.0, 0.2]], 1), None);
+}
+
 /// A goal below the true maximum is never proven.
 #[test]
 fn a_bound_below_the_largest_error_is_not_proven() {

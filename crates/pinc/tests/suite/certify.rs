@@ -77,6 +77,35 @@ fn a_step_is_certified_at_points_and_over_the_domain() {
     assert_eq!(resumed.domain.unwrap().boxes, domain.boxes);
 }
 
+/// The points of `--run` are the rows of the trace of the run's loop with this model.
+#[test]
+fn the_loop_of_a_run_is_certified() {
+    let dir = tempfile::tempdir().unwrap();
+    let run = dir.path().join("run").display().to_string();
+    let config = repository("configs/smoke/van-der-pol.toml").display().to_string();
+    let control = ["--quiet", "control", &config, "--only", "rk4", "--out", &run];
+    assert_eq!(outcome(&mut pinc(&control)).code, Some(0));
+    let done = outcome(&mut pinc(&arguments(dir.path(), &["--run", &run])));
+    assert_eq!(done.code, Some(0), "{done:?}");
+    let trace = fs::read_to_string(dir.path().join("run/control.csv")).unwrap();
+    let mut lines = trace.lines();
+    assert!(lines.next().unwrap().starts_with("t,x1,x2,u,"), "{trace}");
+    let trace: Vec<Vec<f64>> =
+        lines.map(|line| line.split(',').map(|cell| cell.parse().unwrap()).collect()).collect();
+    let rows = rows(dir.path());
+    assert!(rows.len() == trace.len() && rows.len() > 50, "{}", rows.len());
+    for (row, sample) in rows.iter().zip(&trace) {
+        assert_eq!(row[..3], sample[1..4]);
+        assert!(row[4] >= row[3].abs() && row[6] >= row[5].abs(), "{row:?}");
+    }
+    let found = CertificateMetrics::read(&dir.path().join("out")).unwrap().unwrap();
+    assert_eq!((found.points, found.unproven_points), (rows.len(), 0));
+    // Rows of a trace are no sample of the domain.
+    assert_eq!(found.quantiles["0.5"]["x1"], None);
+    let missing = arguments(dir.path(), &["--run", "absent"]);
+    outcome(&mut pinc(&missing)).assert_refused(&["absent", "control.csv"]);
+}
+
 #[test]
 fn what_cannot_be_certified_is_refused_by_name() {
     let dir = tempfile::tempdir().unwrap();

@@ -34,6 +34,21 @@ fn sound_configs_give_no_cause_for_warnings() {
     }
 }
 
+/// The bounds are above what was found, and as near as a small proof is.
+#[test]
+fn what_is_proven_of_rk4_is_said() {
+    let findings = findings("van-der-pol/main.toml", &[]);
+    let proven = with(&findings, &["one step of RK4 x4 is proven to be wrong by at most"]);
+    let found = with(&findings, &["the largest error of one step of RK4 x4 that a search found"]);
+    let before = |text: &str, mark: &str| -> f64 {
+        let start = text.split(mark).next().unwrap();
+        start.split(' ').next_back().unwrap().parse().unwrap()
+    };
+    let bound = before(&proven.what, ", in widths");
+    let largest = before(&found.what, " of the range of ");
+    assert!(bound >= 0.97 * largest && bound < 1.3 * largest, "{proven} {found}");
+}
+
 #[test]
 fn wells_with_algebraic_pressures_are_examined_too() {
     for config in ["oil-well/gas-lift.toml", "pareto/gas-lift.toml"] {

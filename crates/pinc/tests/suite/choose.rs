@@ -131,6 +131,41 @@ fn the_recommended_config_keeps_what_is_promised_and_a_resumed_run_repeats_nothi
     choose(&one_step, &out, &["--resume"]).assert_refused(&["another config"]);
 }
 
+/// Nets have to keep the tolerances of the config: they are trained until their errors are proven to,
+/// and one whose estimated error is beyond its tolerance in the loop is not good.
+#[test]
+fn nets_have_to_keep_their_tolerances() {
+    let dir = tempfile::tempdir().unwrap();
+    let config = repository("configs/smoke/van-der-pol.toml");
+    let choose_with = |name: &str, sets: &[&str]| {
+        let out = dir.path().join(name);
+        let sets = sets.iter().flat_map(|set| ["--set", set]);
+        let more: Vec<&str> = TINY.into_iter().chain(sets).chain(["--within", "50%"]).collect();
+        (table(&choose(&config, &out, &more)), out)
+    };
+    let rows = |said: &str| -> Vec<String> {
+        let is_net = |line: &&str| line.starts_with("distilled ") || line.starts_with("PINC ");
+        said.lines().filter(is_net).map(str::to_owned).collect()
+    };
+    let loose = "training.proven_tolerance={ x1 = 10.0, x2 = 20.0 }";
+    let (said, out) = choose_with("loose", &[loose, "control.error_tolerance={ x1 = 1e-9 }"]);
+    let nets = rows(&said);
+    let judged = nets.iter().filter(|row| row.contains("beyond control.error_tolerance in "));
+    assert!(judged.count() > 0 && nets.iter().all(|row| !row.ends_with("good")), "{said}");
+    assert!(said.contains("Use RK"), "{said}");
+    let recommended = fs::read_to_string(out.join("recommended.toml")).unwrap();
+    assert!(!recommended.contains("error_tolerance"), "{recommended}");
+    for entry in fs::read_dir(out.join("nets")).unwrap() {
+        let bytes = fs::read(entry.unwrap().path().join("model.safetensors")).unwrap();
+        assert!(pinc_runs::certificate(&bytes).unwrap().proven["x1"] <= 10.0);
+    }
+    let tight = "training.proven_tolerance={ x1 = 1e-9 }";
+    let (said, _) = choose_with("tight", &[tight, "training.time_limit_s=0.2"]);
+    for row in rows(&said) {
+        assert!(row.contains("training.proven_tolerance: training.time_limit_s is over"), "{said}");
+    }
+}
+
 #[test]
 fn a_stiff_plant_gets_the_method_for_stiff_plants() {
     let dir = tempfile::tempdir().unwrap();

@@ -120,6 +120,7 @@ fn a_resumed_run_makes_what_is_missing_or_damaged() {
         "model.safetensors",
         "training.csv",
         "domain-error.csv",
+        "model-error.csv",
     ];
     let without_times = |name: &str| name == "training.csv" || name.starts_with("steps");
     for name in names {

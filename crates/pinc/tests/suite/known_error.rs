@@ -1,7 +1,7 @@
 //! A net that knows its error: estimates beside predictions, the guard of a loop, and proofs.
 
 use crate::common::{Outcome, outcome, pinc, smoke};
-use crate::ways::Served;
+use crate::ways::{Served, compile};
 use pinc::ode::Dopri5;
 use pinc::plants::VanDerPol;
 use pinc_config::{Experiment, ModelKind};
@@ -9,6 +9,7 @@ use serde_json::{Value, json};
 use std::fs;
 use std::ops::ControlFlow;
 use std::path::Path;
+use std::process::Command;
 
 /// Trains the smoke config's net for `iterations` and returns its file.
 fn train(dir: &Path, config: &str, iterations: u32, sets: &[&str]) -> Outcome {
@@ -86,6 +87,7 @@ fn a_loop_is_guarded_by_the_estimated_error() {
         assert_eq!(done.code, Some(0), "{done:?}");
         assert!(done.stdout.contains("estimated error beyond control.error_tolerance in "));
         let loops = json_of(&dir.path().join("loop/metrics.json"))["control"].clone();
+        check_errors_along_the_loop(dir.path());
         fs::remove_dir_all(dir.path().join("loop")).unwrap();
         loops
     };
@@ -102,6 +104,42 @@ fn a_loop_is_guarded_by_the_estimated_error() {
     assert!(off(&counted) > 1e-5, "{counted}");
     assert!(helped < 0.01 * off(&counted), "{helped} {counted}");
     assert!(corrected < 0.5 * off(&counted), "{corrected} {counted}");
+}
+
+/// The table of the net's errors along the loop, beside the enclosures of `certify --run`; and its
+/// picture.
+fn check_errors_along_the_loop(dir: &Path) {
+    let read = |path: &str| -> Vec<Vec<f64>> {
+        let text = fs::read_to_string(dir.join(path)).unwrap();
+        let row = |line: &str| line.split(',').map(|cell| cell.parse().unwrap()).collect();
+        text.lines().skip(1).map(row).collect()
+    };
+    let certify = ["--quiet", "certify", "loop/config.toml", "--model", "run/model.safetensors"];
+    let certify = [&certify[..], &["--run", "loop", "--out", "along"]].concat();
+    let done = outcome(pinc(&certify).current_dir(dir));
+    assert_eq!(done.code, Some(0), "{done:?}");
+    let (trace, along) = (read("loop/control-pinc.csv"), read("along/certify.csv"));
+    assert_eq!(trace.len(), along.len());
+    let errors = read("loop/model-error.csv");
+    assert_eq!(errors.len(), 10);
+    let mut largest = 0.0_f64;
+    for row in &errors {
+        let [t, x1, x1_true, x2, x2_true] = row[..] else { panic!("{row:?}") };
+        let place = trace.iter().position(|sample| (sample[0] - t).abs() < 1e-9).unwrap();
+        let [.., e1, bound1, e2, bound2] = along[place][..] else { panic!("{along:?}") };
+        for (truth, error, bound) in [(x1_true, e1, bound1), (x2_true, e2, bound2)] {
+            // What an enclosure leaves open.
+            let open = bound - error.abs();
+            assert!((truth - error).abs() <= open + 1e-9 && open < 0.02 * bound + 1e-9, "{row:?}");
+        }
+        let size = x1_true.hypot(x2_true);
+        assert!((x1 - x1_true).hypot(x2 - x2_true) < 0.1 * size + 1e-8, "{row:?}");
+        largest = largest.max(size);
+    }
+    assert!(largest > 1e-4, "{largest}");
+    let picture = fs::read_to_string(dir.join("loop/figures/model-error.svg")).unwrap();
+    assert!(picture.contains("estimated") && picture.contains("tolerance"));
+    fs::remove_dir_all(dir.join("along")).unwrap();
 }
 
 /// The served controller says what it thinks of its net, and what is generated refuses the key.
@@ -127,6 +165,35 @@ fn other_ways_out_have_the_guard_or_refuse_it() {
         let refused = outcome(command.args(["--set", tolerance]).current_dir(dir.path()));
         refused.assert_refused(&["control.error_tolerance", "pinc certify"]);
     }
+    check_exported_estimates(dir.path(), &model);
+}
+
+/// Net and controller in C have the estimate, whose self-test passes, or refuse it.
+fn check_exported_estimates(dir: &Path, model: &str) {
+    let export = |more: &[&str]| {
+        outcome(pinc(&[&["export", "--errors", "--model", model], more].concat()).current_dir(dir))
+    };
+    for (out, config, header) in [
+        ("net", None, "model_error.h"),
+        ("loop", Some("experiment.toml"), "smoke_van_der_pol_error.h"),
+    ] {
+        let more: Vec<&str> = config.into_iter().chain(["--to", "c", "--out", out]).collect();
+        let done = export(&more);
+        assert_eq!(done.code, Some(0), "{done:?}");
+        let out = dir.join(out);
+        let names: Vec<_> = fs::read_dir(&out).unwrap().map(|e| e.unwrap().file_name()).collect();
+        assert!(out.join(header).exists(), "{names:?}");
+        compile(&out, "none");
+        let ended = outcome(Command::new(out.join("program")).current_dir(&out));
+        assert_eq!(ended.code, Some(0), "{ended:?}");
+    }
+    export(&["--to", "fmu"]).assert_refused(&["--errors", "--to fmu"]);
+    let integrator = ["export", "--errors", "experiment.toml", "--only", "rk4", "--to", "c"];
+    let refused = outcome(pinc(&integrator).current_dir(dir));
+    refused.assert_refused(&["estimated error of an integrator"]);
+    fs::copy(model, dir.join("alone.safetensors")).unwrap();
+    let alone = ["export", "--errors", "--model", "alone.safetensors", "--to", "c"];
+    outcome(pinc(&alone).current_dir(dir)).assert_refused(&["config.toml"]);
 }
 
 #[test]

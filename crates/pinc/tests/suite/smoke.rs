@@ -47,6 +47,7 @@ fn van_der_pol_leaves_every_file() {
         "domain-error.csv",
         "figures",
         "metrics.json",
+        "model-error.csv",
         "model.safetensors",
         "prediction.csv",
         "provenance.json",
@@ -71,6 +72,12 @@ fn van_der_pol_leaves_every_file() {
     // 4 T of 9 parts, and 10 steps of 9 points, each with the initial point.
     assert_eq!((rows(dir, "prediction.csv"), rows(dir, "control-pinc.csv")), (37, 91));
     assert_eq!(rows(dir, "steps-rk4.csv"), 10);
+    assert_eq!(header(dir, "model-error.csv"), "t,x1_err,x1_true_err,x2_err,x2_true_err");
+    assert_eq!(rows(dir, "model-error.csv"), 10);
+    // The largest error of RK4 that `pinc certify` finds is 1.3e-3 of a width.
+    let validation = record.metrics().validation.as_ref().unwrap();
+    let proven = &validation.domain_error.as_ref().unwrap().proven;
+    assert!((1.3e-3..1.66e-3).contains(&proven.rk4["4"]), "{proven:?}");
     assert_eq!(rows(dir, "training.csv"), 300);
 
     // The resolved config is the experiment again, and the metrics file what the run returned.

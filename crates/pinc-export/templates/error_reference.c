@@ -1,0 +1,15 @@
+@BANNER@
+#include "pinc_error.h"
+#include "pinc_rk5.h"
+
+/* The distance from an integrator that stands for the exact solution. */
+void pinc_error(const PINC_REAL x[PINC_NX], const PINC_REAL u[@WIDTH@], PINC_REAL error[PINC_NX])
+{
+    PINC_REAL exact[PINC_NX];
+    int i;
+    pinc_net_step(x, u, error);
+    pinc_rk5_step(x, u, exact);
+    for (i = 0; i < PINC_NX; i++) {
+        error[i] -= exact[i];
+    }
+}
