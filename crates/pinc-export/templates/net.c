@@ -121,7 +121,7 @@ static pinc_vector pinc_limited(pinc_vector z)
 #endif
 }
 
-/* tanh z, to within 6 units in the last place: the continued fraction of tanh (z/4) after 8 terms,
+/* tanh z, with a relative error below 4 epsilon: the continued fraction of tanh (z/4) after 8 terms,
    with numerator p and denominator q, and twice tanh 2y = 2 p q / (q^2 + p^2). */
 static pinc_vector pinc_tanh(pinc_vector z)
 {
