@@ -232,7 +232,8 @@ fn vectors_of_any_length_compute_the_same() {
             let [error, high, low, nan, apart] =
                 inside.drive(INSIDE, &[vectors, &real], &[])[..].try_into().unwrap();
             assert!(error < 4.0 * epsilon, "{vectors} {real}: {error}");
-            assert_eq!([high, low, nan], [1.0, -1.0, 1.0], "{vectors} {real}");
+            let ends = (high - 1.0).abs() + (low + 1.0).abs();
+            assert!(ends < epsilon && nan > 0.5, "{vectors} {real}: {high} {low} {nan}");
             assert!(apart < 50.0 * epsilon, "{vectors} {real}: {apart}");
         }
     }
