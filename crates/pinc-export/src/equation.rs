@@ -16,8 +16,16 @@ pub(crate) fn values(listing: &Listing, nx: usize, to: &str) -> String {
     body.finish(listing)
 }
 
-/// The body of a function that also writes the derivatives by x and u, to f.
-pub(crate) fn jacobian(listing: &Listing, nx: usize, nu: usize, to: &str) -> String {
+/// A function of x and u with its derivatives by both.
+pub(crate) struct Jacobian {
+    /// The body of the function: it writes the results, and to f the derivatives that are not 0.
+    pub(crate) body: String,
+    /// Whether a derivative can differ from 0, by result and argument.
+    pub(crate) entries: Vec<Vec<bool>>,
+}
+
+/// A function that writes the results to `to` and the derivatives by x and u.
+pub(crate) fn jacobian(listing: &Listing, nx: usize, nu: usize, to: &str) -> Jacobian {
     let tangents = nx + nu;
     let mut body = Body { text: String::new(), nx, tangents };
     let mut known: Vec<Vec<bool>> = Vec::new();
@@ -26,13 +34,16 @@ pub(crate) fn jacobian(listing: &Listing, nx: usize, nu: usize, to: &str) -> Str
         known.push(body.tangents(i, *instruction, &known));
     }
     body.results(listing, to);
+    let entries: Vec<_> = listing.results.iter().map(|&result| known[result].clone()).collect();
     for (row, &result) in listing.results.iter().enumerate() {
-        for (t, &there) in known[result].iter().enumerate() {
-            let value = if there { format!("v{result}_{t}") } else { "PINC_N(0)".to_owned() };
-            let _ = writeln!(body.text, "    f[{row}][{t}] = {value};");
+        for (t, _) in known[result].iter().enumerate().filter(|(_, there)| **there) {
+            let _ = writeln!(body.text, "    f[{row}][{t}] = v{result}_{t};");
         }
     }
-    body.finish(listing)
+    if !entries.iter().flatten().any(|there| *there) {
+        body.text += "    (void)f;\n";
+    }
+    Jacobian { body: body.finish(listing), entries }
 }
 
 struct Body {

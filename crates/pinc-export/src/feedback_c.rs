@@ -135,7 +135,7 @@ pub(crate) fn set_unknowns(
         true => format!("pinc_@MODEL@_{of}("),
         false => format!("pinc_seen_{of}(m, "),
     };
-    t.set("STEP", call("step")).set("LINEARIZE", call("linearize"));
+    t.set("STEP", call("step")).set("LINEARIZE", call("linearize_all"));
     t.set("PLANT", if plain { "" } else { include_str!("../templates/mpc_model.c") });
     Ok(())
 }

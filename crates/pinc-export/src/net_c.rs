@@ -5,7 +5,7 @@ use crate::error_c::{NetError, without_estimate};
 use crate::golden::{CASES, Golden};
 use crate::open::Open;
 use crate::origin::{Origin, domain};
-use crate::template::{Template, array, numbers, table};
+use crate::template::{Template, array_with, numbers, table};
 use crate::{ExportError, GeneratedFile, Name};
 use pinc_expr::PlantEquations;
 use pinc_net::{FoldedNet, PincModel, PincNet, TrainingTarget};
@@ -109,8 +109,7 @@ pub(crate) fn has_time(net: &PincNet) -> bool {
     net.source() != TrainingTarget::Integrator
 }
 
-/// The derivative by the time of the first layer's outputs, and of a state.
-const FIRST_SLOPE: &str = "pinc_time[i] * (PINC_N(1) - (v[1][i] * v[1][i]))";
+/// The derivative of a state by the time.
 const AT_RATE: &str = "(out[i] + (t * slope[i])) / PINC_N(PINC_SAMPLE_TIME_S)";
 
 pub(crate) fn places(
@@ -128,7 +127,6 @@ pub(crate) fn places(
         true => "x[i] + ((t / PINC_N(PINC_SAMPLE_TIME_S)) * out[i])",
         false => "out[i]",
     };
-    let hidden = folded.layers.len() > 1;
     let mut t = Template::new(name);
     t.set("BANNER", origin.banner("A net as the model of a plant.", Some(net)))
         .set("REAL", include_str!("../templates/real.h"))
@@ -139,11 +137,10 @@ pub(crate) fn places(
         .set("LAYERS", folded.layers.len())
         .set("TABLES", layer_tables(&folded))
         .set("PLUS_X", pick("x[i] + ", ""))
+        .set("PLUS_C", pick("x[c] + ", ""))
         .set("PLUS_I", pick(" + ((i == k) ? PINC_N(1) : PINC_N(0))", ""))
         .set("FIRST", folded.time.len())
         .set("TIME", numbers(&folded.time))
-        .set("FIRST_HIDDEN", if hidden { "PINC_MATH(tanh)(z)" } else { "z" })
-        .set("FIRST_SLOPE", if hidden { FIRST_SLOPE } else { "pinc_time[i]" })
         .set("AT_VALUE", at)
         .set("AT_RATE", if adds { AT_RATE } else { "slope[i]" })
         .set("CASES", CASES)
@@ -179,16 +176,32 @@ pub(crate) fn folded(net: &PincNet, open: Open<'_>) -> Result<FoldedNet, ExportE
     Ok(folded)
 }
 
+/// How a layer is described by its tables.
+const LAYER: &str = "\
+#if PINC_VECTOR_BYTES > 0
+#define PINC_LAYER(l, inputs, outputs) \\
+    {pinc_weights_##l, pinc_transposed_##l, pinc_bias_##l, inputs, outputs}
+#else
+#define PINC_LAYER(l, inputs, outputs) {pinc_weights_##l, pinc_bias_##l, inputs, outputs}
+#endif
+";
+
 fn layer_tables(folded: &FoldedNet) -> String {
     let mut text = String::new();
     let mut list = String::new();
+    let slack = |name: String, values: &[f64]| array_with(&name, values, " + PINC_SLACK");
     for (l, layer) in folded.layers.iter().enumerate() {
-        text += &array(&format!("weights_{l}"), &layer.weights.concat());
-        text += &array(&format!("bias_{l}"), &layer.bias);
         let (inputs, outputs) = (layer.weights[0].len(), layer.bias.len());
-        let _ = writeln!(list, "    {{pinc_weights_{l}, pinc_bias_{l}, {inputs}, {outputs}}},");
+        let column = |k: usize| layer.weights.iter().map(move |row| row[k]);
+        let transposed: Vec<f64> = (0..inputs).flat_map(column).collect();
+        text += &slack(format!("weights_{l}"), &layer.weights.concat());
+        text += "#if PINC_VECTOR_BYTES > 0\n";
+        text += &slack(format!("transposed_{l}"), &transposed);
+        text += "#endif\n";
+        text += &slack(format!("bias_{l}"), &layer.bias);
+        let _ = writeln!(list, "    PINC_LAYER({l}, {inputs}, {outputs}),");
     }
-    text + &format!("\nstatic const pinc_layer pinc_layers[PINC_LAYERS] = {{\n{list}}};\n")
+    text + &format!("\n{LAYER}static const pinc_layer pinc_layers[PINC_LAYERS] = {{\n{list}}};\n")
 }
 
 fn selftest(net: &PincNet, t: &mut Template) -> Result<GeneratedFile, ExportError> {

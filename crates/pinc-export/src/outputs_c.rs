@@ -24,7 +24,7 @@ pub(crate) fn outputs_core(
         .set("MODEL", model)
         .set("NO", listing.results.len())
         .set("VALUES", values(&listing, nx, "y"))
-        .set("JACOBIAN", jacobian(&listing, nx, nu + names.len(), "y"));
+        .set("JACOBIAN", jacobian(&listing, nx, nu + names.len(), "y").body);
     open.set(&mut t);
     Ok(vec![
         t.file("outputs.h", include_str!("../templates/outputs.h")),

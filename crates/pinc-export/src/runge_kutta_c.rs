@@ -7,6 +7,7 @@ use crate::template::{Template, constant, numbers};
 use crate::{ExportError, GeneratedFile, Name};
 use pinc_expr::PlantEquations;
 use pinc_ode::{DynPlant, Integrator, Model};
+use std::fmt::Write as _;
 
 /// A plant by its equations, integrated by a Runge-Kutta method.
 #[derive(Clone, Copy, Debug)]
@@ -62,6 +63,7 @@ pub(crate) fn runge_kutta_core(
     }
     #[expect(clippy::cast_precision_loss, reason = "substeps are few")]
     let h = model.sample_time_s / model.substeps as f64;
+    let jacobian = jacobian(&listing, nx, nu + names.len(), "dx");
     let mut t = Template::new(name);
     t.set("BANNER", origin.banner("A plant as its own model, by Runge-Kutta steps.", None))
         .set("REAL", include_str!("../templates/real.h"))
@@ -74,11 +76,44 @@ pub(crate) fn runge_kutta_core(
         .set("STAGES", stages)
         .set("TABLEAU", numbers(&coefficients))
         .set("VALUES", values(&listing, nx, "dx"))
-        .set("JACOBIAN", jacobian(&listing, nx, nu + names.len(), "dx"));
+        .set("JACOBIAN", &jacobian.body)
+        .set("SLOPES", slopes(&jacobian.entries, nx))
+        .set("UNITS", units(nx, nu + names.len()));
     open.set(&mut t);
     let file = |suffix: &str| format!("{}.{suffix}", model.method.name());
     Ok(vec![
         t.file(&file("h"), include_str!("../templates/runge_kutta.h")),
         t.file(&file("c"), include_str!("../templates/runge_kutta.c")),
     ])
+}
+
+/// The products of the Jacobian with the tangents: for each of its rows a sum over the entries.
+fn slopes(entries: &[Vec<bool>], nx: usize) -> String {
+    let mut text = String::new();
+    let constant = |row: &Vec<bool>| !row.contains(&true);
+    if entries.iter().any(constant) {
+        text += "        const pinc_vector zero = {0};\n";
+    }
+    if entries.iter().all(constant) {
+        text += "        (void)f;\n        (void)stage;\n";
+    }
+    for (i, row) in entries.iter().enumerate() {
+        // Arguments first: their tangents do not change.
+        let (states, arguments) = row.split_at(nx);
+        let of_arguments = arguments.iter().enumerate().filter(|(_, there)| **there);
+        let of_states = states.iter().enumerate().filter(|(_, there)| **there);
+        let terms: Vec<String> = of_arguments
+            .map(|(k, _)| format!("(PINC_UNIT({k}, v) * f[{i}][{}])", nx + k))
+            .chain(of_states.map(|(k, _)| format!("(stage[({k} * PINC_ROW) + v] * f[{i}][{k}])")))
+            .collect();
+        let sum = if terms.is_empty() { "zero".to_owned() } else { terms.join(" + ") };
+        let _ = writeln!(text, "        slope[({i} * PINC_ROW) + v] = {sum};");
+    }
+    text
+}
+
+/// The tangents of the arguments: unit vectors, without the zeros at their ends.
+fn units(nx: usize, arguments: usize) -> String {
+    let row = |k: usize| format!("    {{{}PINC_N(1)}},\n", "PINC_N(0), ".repeat(nx + k));
+    (0..arguments).map(row).collect()
 }

@@ -74,10 +74,15 @@ pub(crate) fn numbers(values: &[f64]) -> String {
 
 /// An array of the type of all numbers.
 pub(crate) fn array(name: &str, values: &[f64]) -> String {
+    array_with(name, values, "")
+}
+
+/// An array with zeros behind the values: as many as `more` adds to the length.
+pub(crate) fn array_with(name: &str, values: &[f64], more: &str) -> String {
     // C has no arrays of length 0.
     let values = if values.is_empty() { &[0.0][..] } else { values };
     let (count, list) = (values.len(), numbers(values));
-    format!("static const PINC_REAL pinc_{name}[{count}] = {{\n{list}}};\n")
+    format!("static const PINC_REAL pinc_{name}[{count}{more}] = {{\n{list}}};\n")
 }
 
 /// A table of whole numbers; C has none of length 0.

@@ -7,13 +7,15 @@
  */
 #include "pinc_net.c"
 
+/* Tangents: one per state and input. */
+#define PINC_TANGENTS (PINC_NX + PINC_NU)
 #define PINC_SQUARE (PINC_TANGENTS * PINC_TANGENTS)
 
 typedef long long pinc_int;
 
-/* Second derivatives of the outputs of a layer, whose values and first derivatives are known. */
+/* First and second derivatives of the outputs of a layer, whose values are known. */
 static void pinc_seconds(const pinc_layer *layer, int hidden, const double *values,
-                         const double *in_first, const double *in, double *out)
+                         const double *in_first, const double *in, double *out_first, double *out)
 {
     int i;
     int k;
@@ -40,6 +42,7 @@ static void pinc_seconds(const pinc_layer *layer, int hidden, const double *valu
             }
         }
         for (p = 0; p < PINC_TANGENTS; p++) {
+            out_first[(i * PINC_TANGENTS) + p] = slope * first[p];
             for (q = 0; q < PINC_TANGENTS; q++) {
                 const int at = (p * PINC_TANGENTS) + q;
                 sums[at] = (slope * sums[at]) + (bend * first[p] * first[q]);
@@ -51,14 +54,14 @@ static void pinc_seconds(const pinc_layer *layer, int hidden, const double *valu
 /* Second derivatives of x_next by (x, u): h[i][p][q]. */
 static void pinc_hessian(const double *x, const double *u, double *h)
 {
-    double v[2][PINC_WIDEST];
+    pinc_vector v[2][PINC_ROW];
     double d[2][PINC_WIDEST * PINC_TANGENTS];
     double s[2][PINC_WIDEST * PINC_SQUARE];
     int from = 0;
     int l;
     int i;
     int k;
-    pinc_begin(x, u, v[0]);
+    pinc_begin(x, u, v[0], 1);
     for (i = 0; i < PINC_TANGENTS; i++) {
         for (k = 0; k < PINC_TANGENTS; k++) {
             d[0][(i * PINC_TANGENTS) + k] = (i == k) ? 1.0 : 0.0;
@@ -69,9 +72,9 @@ static void pinc_hessian(const double *x, const double *u, double *h)
     }
     for (l = 0; l < PINC_LAYERS; l++) {
         const int hidden = (l + 1 < PINC_LAYERS) ? 1 : 0;
-        pinc_values(&pinc_layers[l], hidden, v[from], v[1 - from]);
-        pinc_seconds(&pinc_layers[l], hidden, v[1 - from], d[from], s[from], s[1 - from]);
-        pinc_tangents(&pinc_layers[l], hidden, v[1 - from], d[from], d[1 - from]);
+        pinc_values(&pinc_layers[l], pinc_layers[l].bias, hidden, v[from], v[1 - from], 1);
+        pinc_seconds(&pinc_layers[l], hidden, (const double *)v[1 - from], d[from], s[from],
+                     d[1 - from], s[1 - from]);
         from = 1 - from;
     }
     for (i = 0; i < PINC_NX * PINC_SQUARE; i++) {

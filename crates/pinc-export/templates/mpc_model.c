@@ -68,24 +68,29 @@ static void pinc_seen_step(const pinc_mpc *m, const PINC_REAL *x, const PINC_REA
 }
 #endif
 
-static void pinc_seen_linearize(const pinc_mpc *m, const PINC_REAL *x, const PINC_REAL *u,
-                                PINC_REAL *next, PINC_REAL *a, PINC_REAL *b)
+static void pinc_seen_linearize_all(const pinc_mpc *m, int points, const PINC_REAL *x,
+                                    const PINC_REAL *u, PINC_REAL *next, PINC_REAL *a, PINC_REAL *b)
 {
-    PINC_REAL inner_x[PINC_NX];
-    PINC_REAL inner_u[PINC_NU + PINC_NP];
-    PINC_REAL inner_b[PINC_NX * (PINC_NU + PINC_NP)];
-    int i;
+    PINC_REAL inner_x[PINC_BATCH * PINC_NX];
+    PINC_REAL inner_u[PINC_BATCH * (PINC_NU + PINC_NP)];
+    PINC_REAL inner_b[PINC_BATCH * PINC_NX * (PINC_NU + PINC_NP)];
+    int c;
     int k;
-    pinc_arguments(m, x, u, inner_x, inner_u);
-    pinc_@MODEL@_linearize(inner_x, inner_u, next, a, inner_b);
-    pinc_finish(m, next);
-    for (i = 0; i < PINC_NX; i++) {
+    for (c = 0; c < points; c++) {
+        pinc_arguments(m, x + (c * PINC_NX), u + (c * PINC_NU), inner_x + (c * PINC_NX),
+                       inner_u + (c * (PINC_NU + PINC_NP)));
+    }
+    pinc_@MODEL@_linearize_all(points, inner_x, inner_u, next, a, inner_b);
+    for (c = 0; c < points; c++) {
+        pinc_finish(m, next + (c * PINC_NX));
+    }
+    for (c = 0; c < points * PINC_NX; c++) {
         for (k = 0; k < PINC_NX; k++) {
-            a[(i * PINC_NX) + k] *= PINC_X_UNIT(k) / PINC_X_UNIT(i);
+            a[(c * PINC_NX) + k] *= PINC_X_UNIT(k) / PINC_X_UNIT(c % PINC_NX);
         }
         for (k = 0; k < PINC_NU; k++) {
-            b[(i * PINC_NU) + k] =
-                inner_b[(i * (PINC_NU + PINC_NP)) + k] * (PINC_U_UNIT(k) / PINC_X_UNIT(i));
+            b[(c * PINC_NU) + k] = inner_b[(c * (PINC_NU + PINC_NP)) + k] *
+                                   (PINC_U_UNIT(k) / PINC_X_UNIT(c % PINC_NX));
         }
     }
 }

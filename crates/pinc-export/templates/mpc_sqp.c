@@ -26,15 +26,22 @@ static void pinc_project(const pinc_mpc *m, PINC_REAL *z)
    end. */
 static int pinc_linearize(pinc_mpc *m, const PINC_REAL *z, pinc_qp *qp)
 {
+    PINC_REAL x[PINC_BATCH * PINC_NX];
+    PINC_REAL u[PINC_BATCH * PINC_NU];
     int j;
     int i;
-    for (j = 0; j < PINC_N2; j++) {
-        const PINC_REAL *x = (j == 0) ? m->start : (z + ((j - 1) * PINC_NX));
-        const PINC_REAL *u = z + (PINC_STATES + (pinc_acting(j) * PINC_NU));
+    for (j = 0; j < PINC_N2; j += PINC_BATCH) {
+        const int points = ((PINC_N2 - j) < PINC_BATCH) ? (PINC_N2 - j) : PINC_BATCH;
         if ((j > 0) && ((j % PINC_UNASKED_STAGES) == 0) && (pinc_expired(m) != 0)) {
             return 0;
         }
-        @LINEARIZE@x, u, qp->c + (j * PINC_NX), PINC_A(qp, j), PINC_B(qp, j));
+        for (i = 0; i < points; i++) {
+            pinc_copy(x + (i * PINC_NX),
+                      (j + i == 0) ? m->start : (z + ((j + i - 1) * PINC_NX)), PINC_NX);
+            pinc_copy(u + (i * PINC_NU), z + (PINC_STATES + (pinc_acting(j + i) * PINC_NU)),
+                      PINC_NU);
+        }
+        @LINEARIZE@points, x, u, qp->c + (j * PINC_NX), PINC_A(qp, j), PINC_B(qp, j));
     }
     for (i = 0; i < PINC_STATES; i++) {
         qp->c[i] -= z[i];

@@ -28,6 +28,13 @@ void pinc_net_step(const PINC_REAL x[PINC_NX], const PINC_REAL u[@WIDTH@],
 void pinc_net_linearize(const PINC_REAL x[PINC_NX], const PINC_REAL u[@WIDTH@],
                         PINC_REAL next[PINC_NX], PINC_REAL a[PINC_NX * PINC_NX],
                         PINC_REAL b[PINC_NX * @WIDTH@]);
+
+/** At most so many points are linearized at once. */
+#define PINC_BATCH ((PINC_LANES > 1) ? 4 : 1)
+
+/** The same at so many points, one behind the other in each array. */
+void pinc_net_linearize_all(int points, const PINC_REAL *x, const PINC_REAL *u, PINC_REAL *next,
+                            PINC_REAL *a, PINC_REAL *b);
 @AT@
 #ifdef __cplusplus
 }

@@ -2,36 +2,40 @@
 void pinc_net_path(PINC_REAL t, const PINC_REAL x[PINC_NX], const PINC_REAL u[@WIDTH@],
                    PINC_REAL next[PINC_NX], PINC_REAL rate[PINC_NX])
 {
-    PINC_REAL v[2][PINC_WIDEST];
+    pinc_vector v[2 * PINC_ROW];
     PINC_REAL d[2][PINC_WIDEST];
+    PINC_REAL bias[@FIRST@ + PINC_SLACK] = {0};
     const PINC_REAL *out;
     const PINC_REAL *slope;
-    int from = 1;
+    int from = 0;
     int l;
     int i;
     int k;
-    pinc_begin(x, u, v[0]);
-    pinc_values(&pinc_layers[0], 0, v[0], v[1]);
     for (i = 0; i < @FIRST@; i++) {
-        const PINC_REAL z = v[1][i] + (pinc_time[i] * (t - PINC_N(PINC_SAMPLE_TIME_S)));
-        v[1][i] = @FIRST_HIDDEN@;
-        d[1][i] = @FIRST_SLOPE@;
+        bias[i] = pinc_layers[0].bias[i] + (pinc_time[i] * (t - PINC_N(PINC_SAMPLE_TIME_S)));
     }
-    for (l = 1; l < PINC_LAYERS; l++) {
+    pinc_begin(x, u, v, 1);
+    for (l = 0; l < PINC_LAYERS; l++) {
         const pinc_layer *layer = &pinc_layers[l];
         const int hidden = (l + 1 < PINC_LAYERS) ? 1 : 0;
-        pinc_values(layer, hidden, v[from], v[1 - from]);
+        const int to = 1 - from;
+        pinc_values(layer, (l == 0) ? bias : layer->bias, hidden, v + (from * PINC_ROW),
+                    v + (to * PINC_ROW), 1);
+        out = (const PINC_REAL *)(v + (to * PINC_ROW));
         for (i = 0; i < layer->outputs; i++) {
-            const PINC_REAL value = v[1 - from][i];
             PINC_REAL sum = PINC_N(0);
-            for (k = 0; k < layer->inputs; k++) {
-                sum += layer->weights[(i * layer->inputs) + k] * d[from][k];
+            if (l == 0) {
+                sum = pinc_time[i];
+            } else {
+                for (k = 0; k < layer->inputs; k++) {
+                    sum += layer->weights[(i * layer->inputs) + k] * d[from][k];
+                }
             }
-            d[1 - from][i] = (hidden != 0) ? ((PINC_N(1) - (value * value)) * sum) : sum;
+            d[to][i] = (hidden != 0) ? ((PINC_N(1) - (out[i] * out[i])) * sum) : sum;
         }
-        from = 1 - from;
+        from = to;
     }
-    out = v[from];
+    out = (const PINC_REAL *)(v + (from * PINC_ROW));
     slope = d[from];
     for (i = 0; i < PINC_NX; i++) {
         next[i] = @AT_VALUE@;

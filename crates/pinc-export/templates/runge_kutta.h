@@ -33,6 +33,13 @@ void pinc_@RK@_linearize(const PINC_REAL x[PINC_NX], const PINC_REAL u[@WIDTH@],
                         PINC_REAL next[PINC_NX], PINC_REAL a[PINC_NX * PINC_NX],
                         PINC_REAL b[PINC_NX * @WIDTH@]);
 
+/** At most so many points are linearized at once. */
+#define PINC_BATCH PINC_LANES
+
+/** The same at so many points, one behind the other in each array. */
+void pinc_@RK@_linearize_all(int points, const PINC_REAL *x, const PINC_REAL *u, PINC_REAL *next,
+                            PINC_REAL *a, PINC_REAL *b);
+
 #ifdef __cplusplus
 }
 #endif

@@ -52,6 +52,67 @@ int main(void)
 }
 "#;
 
+/// Writes the largest relative error of tanh, its values at infinities and whether NaN gives NaN;
+/// and by what points linearized together differ from single ones.
+const INSIDE: &str = r#"
+#include "net_net.c"
+#include <math.h>
+#include <stdio.h>
+static NET_REAL tanh_of(NET_REAL v)
+{
+    NET_REAL z[NET_LANES] = {0};
+    net_vector out;
+    z[NET_LANES - 1] = v;
+    out = net_tanh(*(const net_loose *)z);
+    return ((const NET_REAL *)&out)[NET_LANES - 1];
+}
+static double apart(const NET_REAL *a, const NET_REAL *b, int count)
+{
+    double worst = 0.0;
+    int i;
+    for (i = 0; i < count; i++) {
+        worst = fmax(worst, fabs((double)a[i] - (double)b[i]) / (1.0 + fabs((double)b[i])));
+    }
+    return worst;
+}
+int main(void)
+{
+    static NET_REAL x[NET_BATCH * NET_NX], u[NET_BATCH * NET_NU], y[NET_BATCH * NET_NX];
+    static NET_REAL a[NET_BATCH * NET_NX * NET_NX], b[NET_BATCH * NET_NX * NET_NU];
+    NET_REAL next[NET_NX], by_x[NET_NX * NET_NX], by_u[NET_NX * NET_NU];
+    double worst = 0.0;
+    int points;
+    int i;
+    for (i = 1; i < 60000; i++) {
+        const NET_REAL v = (NET_REAL)((i % 2 == 0) ? (i * 4e-4) : -pow(0.999, i));
+        worst = fmax(worst, fabs((double)tanh_of(v) / tanh((double)v) - 1.0));
+    }
+    printf("%.17g %.17g %.17g %d\n", worst, (double)tanh_of((NET_REAL)INFINITY),
+           (double)tanh_of((NET_REAL)-INFINITY), isnan(tanh_of((NET_REAL)NAN)) ? 1 : 0);
+    for (i = 0; i < NET_BATCH * NET_NX; i++) {
+        x[i] = (NET_REAL)(0.3 * (i % 7) - 0.8);
+    }
+    for (i = 0; i < NET_BATCH * NET_NU; i++) {
+        u[i] = (NET_REAL)(0.4 * (i % 5) - 0.7);
+    }
+    worst = 0.0;
+    for (points = 1; points <= NET_BATCH; points++) {
+        net_net_linearize_all(points, x, u, y, a, b);
+        for (i = 0; i < points; i++) {
+            net_net_linearize(x + i * NET_NX, u + i * NET_NU, next, by_x, by_u);
+            worst = fmax(worst, apart(y + i * NET_NX, next, NET_NX));
+            worst = fmax(worst, apart(a + i * NET_NX * NET_NX, by_x, NET_NX * NET_NX));
+            worst = fmax(worst, apart(b + i * NET_NX * NET_NU, by_u, NET_NX * NET_NU));
+        }
+    }
+    printf("%.17g\n", worst);
+    return 0;
+}
+"#;
+
+/// Without vectors, and with the longest that the machine has.
+const VECTORS: [&str; 2] = ["-DNET_VECTOR_BYTES=0", "-march=native"];
+
 fn net(plant: Box<dyn DynPlant>, domain: &Domain, layers: usize, ansatz: Ansatz) -> PincNet {
     let config = NetConfig { ansatz, ..NetConfig::new(0.5, layers, 13) };
     PincNet::new(&*plant, &config, domain, 3).unwrap()
@@ -154,6 +215,30 @@ fn c_computes_what_the_library_does() {
         let found = sources.drive(DRIVER, &["-DNET_REAL=float"], &given);
         let off = largest_difference(&found, &expected);
         assert!(off < 2e-5 && off > 1e-9, "{off}");
+    }
+}
+
+#[test]
+fn vectors_of_any_length_compute_the_same() {
+    let [net, ..] = nets();
+    let name = Name::new("net").unwrap();
+    let files = net_to_c(&net, &name, &Origin::of_net(&net, "0", "00")).unwrap();
+    let inside = Sources::with_included(&files, "net_net.c");
+    let whole = Sources::new(&files);
+    let (given, expected) = expected(&net);
+    for vectors in VECTORS {
+        let found = whole.drive(DRIVER, &[vectors], &given);
+        let off = largest_difference(&found, &expected);
+        assert!(off < 1e-12, "{vectors}: {off}");
+        for (real, epsilon) in [("double", f64::EPSILON), ("float", f64::from(f32::EPSILON))] {
+            let real = format!("-DNET_REAL={real}");
+            let [error, high, low, nan, apart] =
+                inside.drive(INSIDE, &[vectors, &real], &[])[..].try_into().unwrap();
+            assert!(error < 4.0 * epsilon, "{vectors} {real}: {error}");
+            let ends = (high - 1.0).abs() + (low + 1.0).abs();
+            assert!(ends < epsilon && nan > 0.5, "{vectors} {real}: {high} {low} {nan}");
+            assert!(apart < 50.0 * epsilon, "{vectors} {real}: {apart}");
+        }
     }
 }
 
