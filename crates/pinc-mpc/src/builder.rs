@@ -90,7 +90,10 @@ impl NmpcBuilder {
             problem.validate(model.dims())?;
         }
         config.validate()?;
-        let horizon = Horizon::new(models, problem.horizon)?;
+        let horizon = Horizon::new(models, problem.horizon, problem.tree())?;
+        if !horizon.is_uniform() && !problem.tree().is_chain() {
+            return Err(MpcError::UnequalScenarios);
+        }
         let sqp = Sqp::new(&problem, config, &horizon, stage_cost)?;
         let nmpc = Nmpc::of(problem, horizon, config, sqp);
         nmpc.with_guard(guard)

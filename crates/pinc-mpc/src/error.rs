@@ -55,6 +55,21 @@ pub enum MpcError {
         /// Its bounds.
         high: f64,
     },
+    /// A parameter of which scenarios have two values at a time.
+    #[error("scenarios.parameters names place {place} twice")]
+    ScenariosTwice {
+        /// Its place among the model's parameters.
+        place: usize,
+    },
+    /// Weights of scenarios that are no shares.
+    #[error("scenarios.weights add up to {sum}, but must add up to 1")]
+    ScenarioWeights {
+        /// Their sum.
+        sum: f64,
+    },
+    /// Scenarios on stages of different lengths.
+    #[error("scenarios need stages of equal length")]
+    UnequalScenarios,
     /// A quantity that is tracked twice.
     #[error("tracked names {tracked} twice")]
     TrackedTwice {
