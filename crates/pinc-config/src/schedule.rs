@@ -1,7 +1,7 @@
 //! Parameters that change during a closed loop.
 
 use crate::experiment::step_at;
-use crate::{Experiment, PlantSpec};
+use crate::{Experiment, LoopParameters, PlantSpec};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
@@ -73,8 +73,9 @@ impl Experiment {
                 change.values.retain(|name, _| control.measured_parameters.contains(name));
             }
         }
-        let names = self.varying().into_iter().map(str::to_owned).collect();
-        Schedule::of(names, self.model_parameters(), &changes, sample_time_s)
+        let LoopParameters { names, values, .. } = self.loop_parameters();
+        let names = names.into_iter().map(str::to_owned).collect();
+        Schedule::of(names, values, &changes, sample_time_s)
     }
 
     /// How the plant in the loop changes, of the parameters that do.

@@ -393,6 +393,7 @@ impl Stages<'_> {
                 seed: experiment.seed,
                 parameters: &values,
                 estimated: &estimated,
+                scenarios: experiment.scenarios(),
                 truth: &*first.plant,
                 schedules,
             };

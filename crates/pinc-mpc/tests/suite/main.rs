@@ -19,6 +19,7 @@ mod optimality;
 mod outputs;
 mod problems;
 mod random;
+mod scenarios;
 mod stages;
 mod stream;
 mod support;
