@@ -73,6 +73,12 @@ PLANTS = {
         nominal=[1.0, 1.0], spread=0.05,
     ),
 }
+# The reactor as do-mpc's example CSTR has it, but for the integrator and for the weights of later changes of
+# the inputs: nine scenarios over 20 steps, a soft limit of 140 degrees; from its start, and from hot ones.
+LONG = PLANTS["reactor"] | dict(
+    q=[1.0], r=[1e-5, 2.5e-4], x=([0.1, 0.1, 50.0, 50.0], [2.0, 2.0, 140.0, 140.0]),
+)
+STARTS = [[0.8, 0.5, 134.14, 130.0], [0.8, 0.5, 141.5, 138.0], [0.7, 0.4, 139.5, 139.0]]
 
 
 def step_function(plant):
@@ -169,6 +175,19 @@ def draw(rng, plant, number):
     }
 
 
+def write(name, plant, case):
+    """Solves and prints a case; whether IPOPT solved it."""
+    u = solve(plant, case)
+    if u is None:
+        return False
+    keys = {"tracked": plant["tracked"], "q": plant["q"], "r": plant["r"]}
+    keys |= {f"{of}_{side}": plant[of][i] for of in "ux" for i, side in enumerate(["low", "high"])}
+    print(f'\n[[case]]\nplant = "{name}"')
+    for key, value in (keys | case | {"u": u}).items():
+        print(f"{key} = {value}")
+    return True
+
+
 def main():
     rng = np.random.default_rng(40)
     print("# Written by scenarios.py: random problems on scenario trees with IPOPT's first inputs.")
@@ -177,14 +196,12 @@ def main():
         for name, plant in PLANTS.items():
             if done[name] == CASES // len(PLANTS):
                 continue
-            case = draw(rng, plant, done[name])
-            u = solve(plant, case)
-            if u is None:
-                continue
-            done[name] += 1
-            print(f'\n[[case]]\nplant = "{name}"')
-            for key, value in (case | {"u": u}).items():
-                print(f"{key} = {value}")
+            done[name] += write(name, plant, draw(rng, plant, done[name]))
+    values = [list(v) for v in itertools.product([1.0, 1.05, 0.95], [1.0, 1.1, 0.9])]
+    for x in STARTS:
+        case = {"x": x, "previous": [0.0, 0.0], "reference": [0.6], "values": values, "weights": [1 / 9] * 9,
+                "robust": 1, "horizon": 20, "control": 20, "penalty": [1e4, 1e4, 100.0, 1e4]}
+        assert write("reactor", LONG, case), x
 
 
 main()

@@ -100,29 +100,18 @@ impl Uncertain {
         Box::new(Rk4::new(self, step_s, SUBSTEPS))
     }
 
-    /// The problem of scenarios.py over so many steps.
-    fn problem(self, horizon: usize) -> NmpcProblem {
-        let (tracked, q, r, u, x): (&[_], &[f64], &[f64], [&[f64]; 2], [&[f64]; 2]) = match self {
-            Self::VanDerPol => {
-                (&[0, 1], &[10.0; 2], &[1.0], [&[-1.0], &[1.0]], [&[-1.0; 2], &[1.0; 2]])
-            }
-            Self::FourTanks => {
-                let x: [&[f64]; 2] = [&[2.0, 2.0, 0.6, 0.6], &[16.0, 16.0, 5.5, 5.5]];
-                (&[0, 1], &[10.0; 2], &[1.0; 2], [&[0.0; 2], &[5.0; 2]], x)
-            }
-            Self::Reactor => {
-                let x: [&[f64]; 2] = [&[0.1, 0.1, 50.0, 50.0], &[2.0, 2.0, 136.0, 136.0]];
-                (&[1], &[100.0], &[1e-3, 1e-2], [&[5.0, -8.5], &[100.0, 0.0]], x)
-            }
-        };
-        let bounds = |[low, high]: [&[f64]; 2]| Bounds::new(low.to_vec(), high.to_vec());
+    /// The problem of a case.
+    fn problem(self, case: &toml::Value) -> NmpcProblem {
+        let list = |key: &str| numbers(&case[key]);
+        let tracked = case["tracked"].as_array().unwrap().iter().map(count);
         let dims = self.dims();
+        let weights = Weights::uniform(list("q"), list("r"));
         NmpcProblem {
-            tracked: Tracked::states(tracked.iter().copied()),
-            input_bounds: bounds(u),
-            state_bounds: bounds(x),
+            tracked: Tracked::states(tracked),
+            input_bounds: Bounds::new(list("u_low"), list("u_high")),
+            state_bounds: Bounds::new(list("x_low"), list("x_high")),
             parameters: vec![1.0; dims.np],
-            ..NmpcProblem::new(dims, horizon, Weights::uniform(q.to_vec(), r.to_vec()))
+            ..NmpcProblem::new(dims, count(&case["horizon"]), weights)
         }
     }
 }
@@ -166,7 +155,7 @@ fn cases(config: SqpConfig) -> Vec<Case> {
             control_horizon: count(&case["control"]),
             state_softness: soft,
             scenarios: Some(scenarios),
-            ..plant.problem(horizon)
+            ..plant.problem(case)
         };
         let (x, previous) = (numbers(&case["x"]), numbers(&case["previous"]));
         let mut nmpc = Nmpc::new(problem, plant.model(), config).unwrap();
@@ -182,19 +171,44 @@ fn sharp(qp: QpMethod) -> SqpConfig {
     SqpConfig { tolerance: 1e-10, max_iterations: 200, qp, ..SqpConfig::default() }
 }
 
+/// Where the last cases begin: do-mpc's reactor over 20 steps, with a flat cost.
+const LONG: usize = 54;
+
+/// The one of them that begins above its soft limit of temperature.
+const HOT: usize = 55;
+
 #[test]
 fn first_inputs_are_those_of_ipopt() {
     for method in [QpMethod::Auto, QpMethod::Clarabel] {
         let all = cases(sharp(method));
-        assert_eq!(all.len(), 54);
-        for Case { name, mut nmpc, x, reference, u, .. } in all {
+        assert_eq!(all.len(), 57);
+        for (i, Case { name, mut nmpc, x, reference, u, .. }) in all.into_iter().enumerate() {
+            // Clarabel alone does not solve the long ones.
+            if i == HOT || i >= LONG && method == QpMethod::Clarabel {
+                continue;
+            }
             let step = nmpc.step(&x, &reference).unwrap();
             assert_eq!(step.status, SqpStatus::Converged, "{name}: {:?}", step.kkt);
+            let allowed = if i < LONG { 1e-6 } else { 5e-6 };
             for (found, expected) in step.u.iter().zip(&u) {
                 let off = (found - expected).abs() / (1.0 + expected.abs());
-                assert!(off < 1e-6, "{name}: {found} {expected}");
+                assert!(off < allowed, "{name}: {found} {expected}");
             }
+            assert!(i < LONG || step.sqp_iterations < 12, "{name}: {}", step.sqp_iterations);
         }
+    }
+}
+
+/// The Gauss-Newton Hessian lacks the curvature of a violated limit, so that steps stay short: the
+/// first input is right long before the plan is optimal.
+#[test]
+fn a_start_above_a_soft_limit_has_the_right_first_input() {
+    let config = SqpConfig { max_iterations: 60, ..SqpConfig::default() };
+    let Case { mut nmpc, x, reference, u, .. } = cases(config).swap_remove(HOT);
+    let step = nmpc.step(&x, &reference).unwrap();
+    assert!(step.followed, "{:?}", step.kkt);
+    for (found, expected) in step.u.iter().zip(&u) {
+        assert!((found - expected).abs() < 1e-6 * (1.0 + expected.abs()), "{found} {expected}");
     }
 }
 
@@ -276,7 +290,7 @@ fn lagrangian(case: &Case, model: &mut dyn Model, z: &[f64]) -> (f64, f64) {
 
 #[test]
 fn plans_are_stationary_points_on_the_tree() {
-    for mut case in cases(sharp(QpMethod::Auto)) {
+    for mut case in cases(sharp(QpMethod::Auto)).into_iter().take(LONG) {
         let (x, reference) = (case.x.clone(), case.reference.clone());
         assert_eq!(case.nmpc.step(&x, &reference).unwrap().status, SqpStatus::Converged);
         let mut model = case.plant.model();
@@ -324,6 +338,14 @@ fn inputs(mut run: Loop) -> (Vec<f64>, usize) {
     (all, qps)
 }
 
+/// A plant with the problem of its first case, without scenarios.
+fn first_of(plant: Uncertain) -> (Uncertain, NmpcProblem) {
+    let all = cases(SqpConfig::default()).into_iter();
+    let problems = all.filter(|case| case.name.ends_with(&format!("{plant:?}")));
+    let problem = problems.map(|case| case.nmpc.problem().clone()).next().unwrap();
+    (plant, NmpcProblem { scenarios: None, state_softness: Softness::Hard, ..problem })
+}
+
 #[test]
 fn one_branch_is_the_controller_without_a_tree() {
     let plain = inputs(uncertain_tanks(None));
@@ -350,10 +372,11 @@ fn equal_branches_give_the_inputs_without_a_tree() {
 /// scenarios it is broken by the worst.
 #[test]
 fn bounds_hold_in_every_branch() {
-    let plant = Uncertain::Reactor;
+    let (plant, problem) = first_of(Uncertain::Reactor);
     let grid = Scenarios::grid(vec![0, 1], &[vec![1.0, 1.05, 0.95], vec![1.0, 1.1, 0.9]], 1);
     let run = |scenarios: Option<Scenarios>, p: &[f64]| {
-        let problem = NmpcProblem { scenarios, ..plant.problem(10) };
+        let (horizon, control_horizon) = (10, 10);
+        let problem = NmpcProblem { horizon, control_horizon, scenarios, ..problem.clone() };
         let high = problem.state_bounds.high.clone();
         let mut nmpc = Nmpc::new(problem, plant.model(), SqpConfig::default()).unwrap();
         let (mut truth, mut x, mut next) = (plant.model(), vec![0.8, 0.5, 134.0, 130.0], [0.0; 4]);
@@ -379,9 +402,10 @@ fn bounds_hold_in_every_branch() {
 
 #[test]
 fn scenarios_that_make_no_sense_are_errors() {
-    let plant = Uncertain::FourTanks;
+    let (plant, four) = first_of(Uncertain::FourTanks);
+    let four = NmpcProblem { horizon: 4, control_horizon: 4, ..four };
     let of = |change: fn(&mut NmpcProblem, &mut Scenarios)| {
-        let mut problem = plant.problem(4);
+        let mut problem = four.clone();
         let mut scenarios = Scenarios::grid(vec![0], &[vec![3.0, 3.5]], 1);
         change(&mut problem, &mut scenarios);
         problem.scenarios = Some(scenarios);
@@ -408,7 +432,7 @@ fn scenarios_that_make_no_sense_are_errors() {
     }
     let problem = NmpcProblem {
         scenarios: Some(Scenarios::grid(vec![0], &[vec![3.0, 3.5]], 1)),
-        ..plant.problem(4)
+        ..four.clone()
     };
     let long = Box::new(Rk4::new(plant, 20.0, SUBSTEPS));
     let unequal = Nmpc::builder(problem).stages(plant.model(), 2).stages(long, 2).build();
