@@ -8,7 +8,7 @@ use crate::guess::{Guess, Phase};
 use crate::horizon::Horizon;
 use crate::kkt::KktResidual;
 use crate::report::{Planned, StepReport};
-use crate::scenarios::Nodes;
+use crate::scenarios::AtNodes;
 use crate::solution::Solution;
 use crate::sqp::{Outcome, PlanState, Sqp, StepInput};
 use crate::{MpcError, NmpcProblem, SqpConfig, SqpStatus};
@@ -87,8 +87,8 @@ pub struct Nmpc {
     start: Vec<f64>,
     next: Vec<f64>,
     guard: Option<Guard>,
-    /// The nodes of a tree with the reference at each.
-    at_nodes: Option<(Nodes, Vec<f64>)>,
+    /// The reference at the nodes of a tree.
+    at_nodes: Option<AtNodes>,
 }
 
 impl Nmpc {
@@ -115,10 +115,8 @@ impl Nmpc {
     pub(crate) fn of(problem: NmpcProblem, horizon: Horizon, config: SqpConfig, sqp: Sqp) -> Self {
         let dims = sqp.dims();
         let plan = Solution::new(dims);
-        let spread =
-            || (Nodes::new(&problem, dims), vec![0.0; dims.horizon * problem.tracked.len()]);
         Self {
-            at_nodes: (!dims.tree.is_chain()).then(spread),
+            at_nodes: AtNodes::new(&problem, dims),
             parameters: problem.parameters.clone(),
             pending: vec![0.0; problem.delay * dims.nu],
             problem,
@@ -443,13 +441,7 @@ impl Nmpc {
     }
 
     fn optimize(&mut self, reference: &[f64], expired: &mut dyn FnMut() -> bool) -> Outcome {
-        let reference = match &mut self.at_nodes {
-            None => reference,
-            Some((nodes, at_nodes)) => {
-                nodes.spread(reference, self.problem.tracked.len(), at_nodes);
-                at_nodes
-            }
-        };
+        let reference = self.at_nodes.as_mut().map_or(reference, |nodes| nodes.spread(reference));
         let targets = Targets { reference, previous: &self.previous };
         let input = StepInput { x0: &self.start, targets };
         if self.config.real_time {

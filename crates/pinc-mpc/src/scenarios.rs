@@ -121,11 +121,30 @@ impl Nodes {
         }
         Self { depths, weights }
     }
+}
 
-    /// Writes numbers of each stage of the horizon, `width` of each, for all nodes from `x_1` on.
-    pub(crate) fn spread(&self, by_stage: &[f64], width: usize, by_node: &mut [f64]) {
-        for (to, &depth) in by_node.chunks_exact_mut(width).zip(&self.depths[1..]) {
-            to.copy_from_slice(&by_stage[(depth - 1) * width..depth * width]);
+/// The reference at the nodes of a tree that branches.
+#[derive(Debug)]
+pub(crate) struct AtNodes {
+    nodes: Nodes,
+    /// How many quantities are tracked.
+    width: usize,
+    values: Vec<f64>,
+}
+
+impl AtNodes {
+    pub(crate) fn new(problem: &NmpcProblem, dims: OcpDims) -> Option<Self> {
+        let (nodes, width) = (Nodes::new(problem, dims), problem.tracked.len());
+        let values = vec![0.0; dims.horizon * width];
+        (!dims.tree.is_chain()).then_some(Self { nodes, width, values })
+    }
+
+    /// The reference of each node from `x_1` on, by its stage in `reference`.
+    pub(crate) fn spread(&mut self, reference: &[f64]) -> &[f64] {
+        let Self { nodes, width, values } = self;
+        for (to, &depth) in values.chunks_exact_mut(*width).zip(&nodes.depths[1..]) {
+            to.copy_from_slice(&reference[(depth - 1) * *width..depth * *width]);
         }
+        values
     }
 }
