@@ -1,7 +1,9 @@
 //! The `[control]` section.
 
 use crate::estimator::{EstimatorSpec, MeasurementSpec};
-use crate::{BoundStep, CostSpec, LoadSpec, ModelKind, ParameterStep, PlantSpec, Variables};
+use crate::{
+    BoundStep, CostSpec, LoadSpec, ModelKind, ParameterStep, PlantSpec, ScenarioSpec, Variables,
+};
 use pinc_mpc::{Bounds, NmpcProblem, Softness, SqpConfig, Tracked, Weight, Weights};
 use pinc_ode::Variable;
 use serde::{Deserialize, Serialize};
@@ -36,6 +38,10 @@ pub struct ControlSpec {
     /// plant in the loop.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub measured_parameters: Vec<String>,
+    /// Uncertain parameters of the models. The controller then plans for a tree of scenarios, whose
+    /// bounds hold in all of them; if absent, for one value of each parameter.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub scenarios: Option<ScenarioSpec>,
     /// Other values of the models' parameters in parts of the run: what the controller is told.
     /// Functions of t and columns of a file may take the place of the list.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]

@@ -17,6 +17,7 @@ use crate::sampled;
 use crate::sweep::SweepSpec;
 use crate::training::{Effort, TrainingSpec};
 use pinc_expr::TimeUnit;
+use pinc_mpc::Scenarios;
 use pinc_net::{Domain, NetConfig, ValidationConfig};
 use pinc_ode::Dims;
 use serde::{Deserialize, Serialize};
@@ -232,8 +233,8 @@ impl Experiment {
         self.control.as_ref().map_or(&[], |control| &control.measured_parameters)
     }
 
-    /// The parameters of the models in the loop: those that vary, and those that an estimator
-    /// estimates.
+    /// The parameters of the models in the loop: those that vary, those that an estimator
+    /// estimates, and those of scenarios.
     #[must_use]
     pub fn loop_parameters(&self) -> LoopParameters<'_> {
         let (mut names, mut values) = (self.varying(), self.model_parameters());
@@ -249,7 +250,25 @@ impl Experiment {
             values[place] = parameter.initial;
             estimated.push(place);
         }
+        let nominal = self.plant.parameters();
+        let scenarios = self.control.as_ref().and_then(|control| control.scenarios.as_ref());
+        for name in scenarios.into_iter().flat_map(|scenarios| scenarios.values.keys()) {
+            if !names.contains(&name.as_str())
+                && let Some(value) = nominal.get(name)
+            {
+                names.push(name);
+                values.push(*value);
+            }
+        }
         LoopParameters { names, values, estimated }
+    }
+
+    /// The scenarios of the controller, if it has any, by the places of
+    /// [`Experiment::loop_parameters`].
+    #[must_use]
+    pub fn scenarios(&self) -> Option<Scenarios> {
+        let spec = self.control.as_ref()?.scenarios.as_ref()?;
+        Some(spec.of(&self.loop_parameters().names))
     }
 
     /// The dimensions of the plant, with the parameters that vary.

@@ -2,7 +2,7 @@
 
 use crate::experiment::step_at;
 use crate::sampled::BOUNDS;
-use crate::{ControlSpec, Experiment, PlantSpec, Variables};
+use crate::{ControlSpec, Experiment, LoopParameters, PlantSpec, Variables};
 use pinc_mpc::{BoundSchedule, MpcError, NmpcProblem, Timetable};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -163,8 +163,9 @@ impl Experiment {
                 change.values.retain(|name, _| control.measured_parameters.contains(name));
             }
         }
-        let names = self.varying().into_iter().map(str::to_owned).collect();
-        Schedule::of(names, self.model_parameters(), &changes, sample_time_s)
+        let LoopParameters { names, values, .. } = self.loop_parameters();
+        let names = names.into_iter().map(str::to_owned).collect();
+        Schedule::of(names, values, &changes, sample_time_s)
     }
 
     /// How the plant in the loop changes, of the parameters that do.

@@ -197,6 +197,9 @@ impl<'a> Controller<'a> {
     pub(crate) fn check(&self, dims: Dims) -> Result<(), ExportError> {
         let Self { problem, config, .. } = self;
         let refuse = |feature, instead| Err(ExportError::Feature { feature, instead });
+        if problem.scenarios.is_some() {
+            return refuse("control.scenarios", "`pinc serve`, or a config without the table");
+        }
         if problem.constraints.is_some() {
             return refuse(
                 "constraints h and g",

@@ -50,7 +50,7 @@ impl NetError<'_> {
             t.set("NODES", NODES)
                 .set("PLACES", of(0))
                 .set("WEIGHTS", of(1))
-                .set("JACOBIAN", jacobian(&listing, dims.nx, dims.nu + varying.len(), "dx"));
+                .set("JACOBIAN", jacobian(&listing, dims.nx, dims.nu + varying.len(), "dx").body);
             files.push(t.file("error.c", include_str!("../templates/error_residual.c")));
         } else {
             let exact = RungeKuttaModel {

@@ -12,7 +12,8 @@ static const PINC_REAL pinc_nodes[PINC_NODES] = {
 static const PINC_REAL pinc_node_weights[PINC_NODES] = {
 @WEIGHTS@};
 
-/* The rates of the plant's equation with their Jacobian, by (x, u), row by row. */
+/* The rates of the plant's equation with the entries of their Jacobian by (x, u) that may differ
+   from 0. */
 static void pinc_jacobian(const PINC_REAL *x, const PINC_REAL *u, PINC_REAL *dx,
                           PINC_REAL f[PINC_NX][PINC_NX + @WIDTH@])
 {
@@ -84,8 +85,8 @@ static void pinc_carry(PINC_REAL seconds, PINC_REAL before[PINC_NX][PINC_NX + @W
 void pinc_error(const PINC_REAL x[PINC_NX], const PINC_REAL u[@WIDTH@], PINC_REAL error[PINC_NX])
 {
     const PINC_REAL length = PINC_N(PINC_SAMPLE_TIME_S);
-    /* At this node and at the one before. */
-    PINC_REAL f[2][PINC_NX][PINC_NX + @WIDTH@];
+    /* At this node and at the one before; what is always 0 is not written. */
+    PINC_REAL f[2][PINC_NX][PINC_NX + @WIDTH@] = {{{PINC_N(0)}}};
     PINC_REAL y[PINC_NX];
     PINC_REAL rate[PINC_NX];
     PINC_REAL dx[PINC_NX];

@@ -57,10 +57,16 @@ impl Bounds {
         Ok(())
     }
 
-    /// Those of all of `count` numbers, the stages one after the other.
-    pub(crate) fn expand(&self, count: usize) -> Self {
-        let times = if self.low.is_empty() { 0 } else { count / self.low.len() };
-        Self { low: self.low.repeat(times), high: self.high.repeat(times) }
+    /// The bounds on `variables` variables at each of these stages, one after the other.
+    pub(crate) fn expand(&self, variables: usize, stages: impl Iterator<Item = usize>) -> Self {
+        let differ = self.low.len() > variables;
+        let mut all = Self { low: Vec::new(), high: Vec::new() };
+        for stage in stages {
+            let first = if differ { stage * variables } else { 0 };
+            all.low.extend(&self.low[first..first + variables]);
+            all.high.extend(&self.high[first..first + variables]);
+        }
+        all
     }
 
     /// The largest finite bound of each variable, over all stages; 0 where there is none.

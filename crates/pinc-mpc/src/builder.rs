@@ -94,7 +94,13 @@ impl NmpcBuilder {
         if exact && config.real_time {
             return Err(MpcError::CurvedInRealTime);
         }
-        let horizon = Horizon::new(models, problem.horizon)?;
+        if exact && !problem.tree().is_chain() {
+            return Err(MpcError::CurvedScenarios);
+        }
+        let horizon = Horizon::new(models, problem.horizon, problem.tree())?;
+        if !horizon.is_uniform() && !problem.tree().is_chain() {
+            return Err(MpcError::UnequalScenarios);
+        }
         let sqp = Sqp::new(&problem, config, &horizon, stage_cost)?;
         let nmpc = Nmpc::of(problem, horizon, config, sqp);
         nmpc.with_guard(guard)

@@ -80,19 +80,20 @@ impl Constraint {
         let all_states = dims.all_states();
         match row.kind {
             Kind::Bound if row.index < all_states => {
-                let (step, index) = (row.index / dims.nx + 1, row.index % dims.nx);
+                let (step, index) = (dims.tree.depth(row.index / dims.nx + 1), row.index % dims.nx);
                 Self::State { step, index, side }
             }
             Kind::Bound => {
                 let place = row.index - all_states;
-                Self::Input { step: place / dims.nu, index: place % dims.nu, side }
+                let (step, index) = (dims.tree.depth(place / dims.nu), place % dims.nu);
+                Self::Input { step, index, side }
             }
             Kind::Increment => {
-                let (step, index) = (row.index / dims.nu, row.index % dims.nu);
+                let (step, index) = (dims.tree.depth(row.index / dims.nu), row.index % dims.nu);
                 Self::Increment { step, index, side }
             }
             Kind::Row => {
-                let step = dims.n1 + row.index / dims.rows();
+                let step = dims.tree.depth(dims.n1 + row.index / dims.rows());
                 let index = row.index % dims.rows();
                 match index.checked_sub(dims.general()) {
                     Some(place) => Self::output(outputs, step, place, side),

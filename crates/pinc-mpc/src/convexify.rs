@@ -273,6 +273,7 @@ mod tests {
             nu: 2,
             horizon: 3,
             n_controls: 2,
+            tree: pinc_qp::Tree::CHAIN,
             n1: 1,
             inequalities: 0,
             equalities: 0,

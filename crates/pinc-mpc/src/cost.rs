@@ -1,5 +1,6 @@
 //! The cost J, which is quadratic in the unknowns.
 
+use crate::scenarios::Nodes;
 use crate::{NmpcProblem, Tracked, Weight};
 use pinc_qp::OcpDims;
 
@@ -20,26 +21,28 @@ pub(crate) struct Cost {
 /// What J is measured against at one control step.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Targets<'a> {
-    /// yref\[k+1\]..yref\[k+N2\], `[N2, outputs]`.
+    /// yref\[k+1\]..yref\[k+N2\], `[N2, outputs]`; of a tree, of each node.
     pub(crate) reference: &'a [f64],
     /// u\[k-1\], `m`.
     pub(crate) previous: &'a [f64],
 }
 
 impl Cost {
-    pub(crate) fn new(problem: &NmpcProblem, dims: OcpDims) -> Self {
+    pub(crate) fn new(problem: &NmpcProblem, dims: OcpDims, nodes: &Nodes) -> Self {
         let weights = &problem.weights;
-        let mut q = Vec::new();
-        for j in 0..dims.horizon {
-            match &weights.terminal {
-                Some(terminal) if j + 1 == dims.horizon => append(&mut q, terminal, 2.0),
-                _ if j + 1 >= problem.n1 => append(&mut q, weights.q.at(j), 2.0),
-                _ => append(&mut q, weights.q.at(j), 0.0),
-            }
-        }
+        let mut each = nodes.depths.iter().zip(&nodes.weights);
         let mut r = Vec::new();
-        for i in 0..dims.n_controls {
-            append(&mut r, weights.r.at(i), 2.0);
+        for (&depth, part) in each.clone().take(dims.n_controls) {
+            append(&mut r, weights.r.at(depth), 2.0 * part);
+        }
+        each.next();
+        let mut q = Vec::new();
+        for (&depth, part) in each {
+            match &weights.terminal {
+                Some(terminal) if depth == problem.horizon => append(&mut q, terminal, 2.0 * part),
+                _ if depth >= problem.n1 => append(&mut q, weights.q.at(depth - 1), 2.0 * part),
+                _ => append(&mut q, weights.q.at(depth - 1), 0.0),
+            }
         }
         let mut w = Vec::new();
         if let Some(weight) = &weights.input_sequence {
@@ -129,15 +132,16 @@ impl Cost {
         let mut twice = 0.0;
         for (i, r) in self.r.chunks_exact(m * m).enumerate() {
             let now = &u[i * m..(i + 1) * m];
-            let before = if i == 0 { targets.previous } else { &u[(i - 1) * m..i * m] };
+            let place = self.dims.input_before(i);
+            let before = place.map_or(targets.previous, |at| &u[at * m..(at + 1) * m]);
             for (row, r) in r.chunks_exact(m).enumerate() {
                 let mut force = 0.0;
                 for ((&now, &before), &r) in now.iter().zip(before).zip(r) {
                     force += r * (now - before);
                 }
                 gradient[i * m + row] += force;
-                if i > 0 {
-                    gradient[(i - 1) * m + row] -= force;
+                if let Some(before) = place {
+                    gradient[before * m + row] -= force;
                 }
                 twice += force * (now[row] - before[row]);
             }
@@ -194,6 +198,11 @@ mod tests {
         }
     }
 
+    fn cost_of(problem: &NmpcProblem) -> Cost {
+        let dims = problem.ocp_dims(Dims::new(3, 2), &OutputRows::default());
+        Cost::new(problem, dims, &Nodes::new(problem, dims))
+    }
+
     /// J by its definition, for the problem above.
     fn value(z: &[f64], targets: Targets<'_>) -> f64 {
         let error = |j: usize| {
@@ -221,7 +230,7 @@ mod tests {
             &[1.5, 1.0, 0.5],
         );
         let problem = NmpcProblem { control_horizon: 3, weights, ..problem() };
-        let cost = Cost::new(&problem, problem.ocp_dims(Dims::new(3, 2), &OutputRows::default()));
+        let cost = cost_of(&problem);
         let targets = Targets { reference: &[0.0; 6], previous: &[0.5, -1.0] };
         let z = [[0.0; 9].as_slice(), &[1.5, 0.0, 1.0, 2.0, 4.0, -1.0]].concat();
         // The increments are (1, 1), (-0.5, 2) and (3, -3).
@@ -236,7 +245,7 @@ mod tests {
     #[test]
     fn the_tracking_weight_is_that_of_its_stage() {
         let problem = problem();
-        let cost = Cost::new(&problem, problem.ocp_dims(Dims::new(3, 2), &OutputRows::default()));
+        let cost = cost_of(&problem);
         // Before N1, then twice Q, then the terminal weight.
         assert_eq!(cost.tracking_weight(1).to_vec(), vec![0.0; 4]);
         assert_eq!(cost.tracking_weight(2).to_vec(), vec![6.0, 0.4, 0.4, 1.0]);
@@ -247,7 +256,7 @@ mod tests {
     fn the_derivatives_are_those_of_the_definition() {
         let problem = problem();
         let dims = problem.ocp_dims(Dims::new(3, 2), &OutputRows::default());
-        let cost = Cost::new(&problem, dims);
+        let cost = Cost::new(&problem, dims, &Nodes::new(&problem, dims));
         let targets =
             Targets { reference: &[0.3, -0.2, 0.1, 0.7, -0.4, 0.9], previous: &[0.6, -1.1] };
         let z: Vec<f64> = (0..13).map(|i| f64::from(i * i % 7) - 2.0).collect();

@@ -55,6 +55,21 @@ pub enum MpcError {
         /// Its bounds.
         high: f64,
     },
+    /// A parameter of which scenarios have two values at a time.
+    #[error("scenarios.parameters names place {place} twice")]
+    ScenariosTwice {
+        /// Its place among the model's parameters.
+        place: usize,
+    },
+    /// Weights of scenarios that are no shares.
+    #[error("scenarios.weights add up to {sum}, but must add up to 1")]
+    ScenarioWeights {
+        /// Their sum.
+        sum: f64,
+    },
+    /// Scenarios on stages of different lengths.
+    #[error("scenarios need stages of equal length")]
+    UnequalScenarios,
     /// A quantity that is tracked twice.
     #[error("tracked names {tracked} twice")]
     TrackedTwice {
@@ -69,6 +84,12 @@ pub enum MpcError {
     /// A real-time iteration with a stage cost that leaves its Hessian to the optimization.
     #[error("a real-time iteration cannot have a stage cost without a Hessian of its own")]
     CurvedInRealTime,
+    /// Scenarios with a stage cost that leaves its Hessian to the optimization.
+    #[error("scenarios need a stage cost with a Hessian of its own")]
+    CurvedScenarios,
+    /// Derivatives of a plan on a scenario tree.
+    #[error("a plan for scenarios has no derivatives")]
+    ScenarioDerivatives,
     /// A method that cannot solve the problem's quadratic programs.
     #[error(transparent)]
     Qp(#[from] QpError),

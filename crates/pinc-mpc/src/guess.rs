@@ -1,6 +1,7 @@
 //! What a controller remembers of its plan.
 
 use crate::memory::Memory;
+use crate::sqp::PlanState;
 
 /// What the plan is worth as the first guess of the next step.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -66,5 +67,16 @@ impl Phase {
         let mut is_shifted = self.without_linearization() == Self::Shifted;
         memory.flag(&mut is_shifted);
         *self = if is_shifted { Self::Shifted } else { Self::Solved };
+    }
+}
+
+impl PlanState {
+    const ALL: [Self; 3] = [Self::Evaluated, Self::Stepped, Self::Partial];
+
+    /// Saves or restores it.
+    pub(crate) fn remember(&mut self, memory: &mut Memory<'_>) {
+        let mut place = Self::ALL.iter().position(|state| state == self).unwrap_or_default();
+        memory.count(&mut place, Self::ALL.len() - 1);
+        *self = Self::ALL[place];
     }
 }

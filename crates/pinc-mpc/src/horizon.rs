@@ -3,6 +3,7 @@
 use crate::MpcError;
 use crate::error::check_range;
 use pinc_ode::{Dims, Linearization, Model, Stages};
+use pinc_qp::Tree;
 use std::ops::Range;
 
 /// How many stages of a small plant, and of one of more states and inputs than that, are linearized
@@ -32,10 +33,12 @@ struct Block {
 }
 
 impl Horizon {
-    /// The horizon of `expected` stages that these models and their numbers of stages make.
+    /// The horizon of `expected` stages that these models and their numbers of stages make, along
+    /// all paths of `tree`.
     pub(crate) fn new(
         models: Vec<(Box<dyn Model>, usize)>,
         expected: usize,
+        tree: Tree,
     ) -> Result<Self, MpcError> {
         let field = "the models of the horizon";
         check_range(field, models.len(), 1, usize::MAX)?;
@@ -50,7 +53,8 @@ impl Horizon {
             for _ in 0..count {
                 times.push(times[times.len() - 1] + model.sample_time_s());
             }
-            blocks.push(Block { model, stages: first..first + count });
+            let stages = tree.first_node(first + 1) - 1..tree.first_node(first + count + 1) - 1;
+            blocks.push(Block { model, stages });
         }
         let found = times.len() - 1;
         if found != expected {

@@ -127,6 +127,7 @@ mod tests {
             equalities: 0,
             outputs: 0,
             feedthrough: 0,
+            tree: pinc_qp::Tree::CHAIN,
         };
         Qp::new(dims, vec![0.0], vec![0.0])
     }

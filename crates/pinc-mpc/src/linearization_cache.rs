@@ -1,6 +1,7 @@
 //! The model along a plan.
 
 use crate::horizon::Horizon;
+use crate::{NmpcProblem, Scenarios};
 use pinc_ode::{Linearization, Model, Stages};
 use pinc_qp::{OcpDims, all_finite};
 
@@ -19,6 +20,7 @@ pub(crate) struct LinearizationCache {
     ends: StageBlocks,
     /// p at each stage, `[stages, np]`.
     parameters: Vec<f64>,
+    scenarios: Option<Scenarios>,
     /// The numbers of stages and of parameters.
     counts: [usize; 2],
     /// Whether p is the same at all stages.
@@ -46,11 +48,12 @@ struct StageBlocks {
 }
 
 impl LinearizationCache {
-    pub(crate) fn new(dims: OcpDims, p: &[f64]) -> Self {
-        let stages = dims.horizon.max(2);
-        Self {
+    pub(crate) fn new(dims: OcpDims, problem: &NmpcProblem) -> Self {
+        let (stages, p) = (dims.horizon.max(2), &problem.parameters);
+        let mut cache = Self {
             dims,
             parameters: p.repeat(stages),
+            scenarios: problem.scenarios.clone(),
             counts: [stages, p.len()],
             stages: StageBlocks::new(dims, dims.horizon),
             input: Points::new(dims, dims.horizon),
@@ -58,7 +61,9 @@ impl LinearizationCache {
             one_p: true,
             known: false,
             evaluated: 0,
-        }
+        };
+        cache.set_parameters(p);
+        cache
     }
 
     /// f(x, u), `[N, n]`, A, `[N, n, n]`, and B, `[N, n, m]`, of the last plan.
@@ -87,12 +92,21 @@ impl LinearizationCache {
         changed
     }
 
+    /// p of a stage.
+    pub(crate) fn parameters(&self, stage: usize) -> &[f64] {
+        let np = self.counts[1];
+        &self.parameters[stage * np..(stage + 1) * np]
+    }
+
     /// Sets p, by which what is known is no longer so.
     pub(crate) fn set_parameters(&mut self, p: &[f64]) {
         for parameters in self.parameters.chunks_exact_mut(self.counts[1].max(1)) {
             parameters.copy_from_slice(p);
         }
         self.one_p = true;
+        if let Some(scenarios) = &self.scenarios {
+            scenarios.apply(self.dims.tree, &mut self.parameters, self.counts[1]);
+        }
         self.known = false;
     }
 
@@ -111,13 +125,14 @@ impl LinearizationCache {
     ) -> bool {
         let dims = self.dims;
         let Points { x, u } = &mut self.input;
-        x[..dims.nx].copy_from_slice(x0);
-        x[dims.nx..].copy_from_slice(&z[..dims.all_states() - dims.nx]);
+        for (j, x) in x.chunks_exact_mut(dims.nx).enumerate() {
+            x.copy_from_slice(dims.state(dims.origin(j)).map_or(x0, |state| &z[state]));
+        }
         for (j, u) in u.chunks_exact_mut(dims.nu).enumerate() {
-            u.copy_from_slice(&z[dims.input(dims.acting(j))]);
+            u.copy_from_slice(&z[dims.input(dims.input_of(j))]);
         }
         // What a model had no value for is computed again.
-        let one = horizon.has_one_model() && self.one_p;
+        let one = horizon.has_one_model() && self.one_p && dims.tree.is_chain();
         let moved_on = one && self.known && self.is_moved_on() && self.stages.is_finite();
         std::mem::swap(&mut self.input, &mut self.stages.points);
         self.known = true;
@@ -203,6 +218,7 @@ impl StageBlocks {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::Weights;
     use pinc_ode::Dims;
 
     /// x\[k+1\] = x + u^2
@@ -243,6 +259,7 @@ mod tests {
             equalities: 0,
             outputs: 0,
             feedthrough: 0,
+            tree: pinc_qp::Tree::CHAIN,
         };
         let (x, u) = ([0.1, 0.2, 0.3, 0.4], [1.0, 2.0, 3.0, 4.0]);
         let moved = [0.2, 0.3, 0.4, 0.7];
@@ -251,8 +268,11 @@ mod tests {
             (0.1, moved, [2.0, 3.5, 4.0, 9.0], 4),
             (0.1, [0.2, 0.35, 0.4, 0.7], [2.0, 3.0, 4.0, 9.0], 4),
         ] {
-            let mut cache = LinearizationCache::new(dims, &[]);
-            let mut horizon = Horizon::new(vec![(Box::new(Square), 4)], 4).unwrap();
+            let weights = Weights::uniform(vec![1.0], vec![1.0]);
+            let problem = NmpcProblem::new(Dims::new(1, 1), 4, weights);
+            let mut cache = LinearizationCache::new(dims, &problem);
+            let model: Box<dyn Model> = Box::new(Square);
+            let mut horizon = Horizon::new(vec![(model, 4)], 4, dims.tree).unwrap();
             assert!(cache.follow(&mut horizon, [&[0.0], &[x, u].concat()], &mut || false));
             assert_eq!(cache.evaluated, 4);
             let plan = [states, inputs].concat();

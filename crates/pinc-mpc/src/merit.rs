@@ -124,6 +124,7 @@ mod tests {
             equalities: 0,
             outputs: 0,
             feedthrough: 0,
+            tree: pinc_qp::Tree::CHAIN,
         };
         let mut qp = Qp::new(dims, vec![2.0, 3.0], vec![1.0, 0.5]);
         (qp.a, qp.b, qp.c) = (vec![0.9, 1.2], vec![0.5, 0.8], vec![0.3, -0.4]);

@@ -2,6 +2,7 @@
 
 use crate::NmpcProblem;
 use crate::horizon::Horizon;
+use crate::linearization_cache::LinearizationCache;
 use pinc_ode::{Dims, OutputLinearization, Stages};
 use pinc_qp::OcpDims;
 
@@ -92,16 +93,15 @@ impl Outputs {
         horizon: &mut Horizon,
         dims: OcpDims,
         [x0, z]: [&[f64]; 2],
-        p: &[f64],
+        cache: &LinearizationCache,
     ) {
-        let np = self.ends.model.np;
         for j in 1..=dims.horizon {
-            let p = &p[(j - 1) * np..j * np];
-            let u = &z[dims.input(dims.acting(j - 1))];
+            let p = cache.parameters(j - 1);
+            let u = &z[dims.input(dims.input_of(j - 1))];
             let x = &z[dims.next_state(j - 1)];
             self.ends.linearize(horizon, j, Stages { x, u, p });
             if let Some(starts) = &mut self.starts {
-                let x = dims.state(j - 1).map_or(x0, |state| &z[state]);
+                let x = dims.state(dims.origin(j - 1)).map_or(x0, |state| &z[state]);
                 starts.linearize(horizon, j, Stages { x, u, p });
             }
         }

@@ -3,10 +3,11 @@
 use crate::cost::Cost;
 use crate::error::{check_finite, check_numbers, check_range};
 use crate::outputs::OutputRows;
+use crate::scenarios::Nodes;
 use crate::units::{ProblemUnits, Units};
-use crate::{Bounds, Constraints, MpcError, Softness, Tracked, Weights};
+use crate::{Bounds, Constraints, MpcError, Scenarios, Softness, Tracked, Weights};
 use pinc_ode::Dims;
-use pinc_qp::OcpDims;
+use pinc_qp::{OcpDims, Tree};
 
 /// The longest horizon, far beyond any use: memory is allocated for it.
 const LONGEST: usize = 10_000;
@@ -74,6 +75,9 @@ pub struct NmpcProblem {
     /// large error. Needed for states that are small numbers and not bounded, as a
     /// concentration of 1e-7 is.
     pub state_sizes: Option<Vec<f64>>,
+    /// Values that parameters may have, if the plan is to be a tree. `weights.input_sequence` and
+    /// stages of different lengths do not go with more than one.
+    pub scenarios: Option<Scenarios>,
 }
 
 impl NmpcProblem {
@@ -110,6 +114,7 @@ impl NmpcProblem {
             parameters: Vec::new(),
             delay: 0,
             state_sizes: None,
+            scenarios: None,
         }
     }
 
@@ -133,6 +138,9 @@ impl NmpcProblem {
             check_finite("state_sizes", sizes, dims.nx)?;
             check_numbers("state_sizes", sizes, "positive", |size| size > 0.0)?;
         }
+        if let Some(scenarios) = &self.scenarios {
+            scenarios.validate(self, dims)?;
+        }
         let rows = self.constraints.as_ref().map_or(0, |c| c.inequalities() + c.equalities());
         self.constraint_softness.validate("constraint_softness", rows)
     }
@@ -144,7 +152,7 @@ impl NmpcProblem {
         // One row of each output is enough.
         let rows = OutputRows::new(self, dims, &vec![false; dims.ny]);
         let dims = self.ocp_dims(dims, &rows);
-        let cost = Cost::new(self, dims);
+        let cost = Cost::new(self, dims, &Nodes::new(self, dims));
         let mut units = Units::new(self, dims, &rows);
         units.choose_cost(&cost.state_hessians(), &cost.increment_hessians());
         units.of_problem()
@@ -154,17 +162,25 @@ impl NmpcProblem {
     pub(crate) fn ocp_dims(&self, dims: Dims, rows: &OutputRows) -> OcpDims {
         let (inequalities, equalities) =
             self.constraints.as_ref().map_or((0, 0), |c| (c.inequalities(), c.equalities()));
+        let tree = self.tree();
         OcpDims {
             nx: dims.nx,
             nu: dims.nu,
-            horizon: self.horizon,
-            n_controls: self.control_horizon,
-            n1: self.n1,
+            horizon: tree.first_node(self.horizon + 1) - 1,
+            n_controls: tree.first_node(self.control_horizon),
+            n1: tree.first_node(self.n1),
             inequalities,
             equalities,
             outputs: rows.here(),
             feedthrough: rows.through(),
+            tree,
         }
+    }
+
+    /// The tree on which the plan is; a chain without scenarios.
+    #[must_use]
+    pub fn tree(&self) -> Tree {
+        self.scenarios.as_ref().and_then(Scenarios::tree).unwrap_or(Tree::CHAIN)
     }
 
     /// Whether outputs of the model are tracked or bounded.

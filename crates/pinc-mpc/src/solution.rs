@@ -27,7 +27,8 @@ impl Solution {
         Self { dims, z: vec![0.0; dims.unknowns()], multipliers: Multipliers::new(dims) }
     }
 
-    /// The planned states x\[k+1\]..x\[k+N2\], `[N2, n]`.
+    /// The planned states x\[k+1\]..x\[k+N2\], `[N2, n]`. In a plan for
+    /// [`Scenarios`](crate::Scenarios) stages are nodes, numbered as in a [`Tree`](crate::Tree).
     #[must_use]
     pub fn states(&self) -> &[f64] {
         &self.z[..self.dims.all_states()]
@@ -88,7 +89,7 @@ impl Solution {
 
     /// Moves the plan on by one step: stage j takes the place of stage j-1, the last one stays.
     pub(crate) fn shift(&mut self) {
-        shift_unknowns(&mut self.z, self.dims);
+        self.dims.shift_unknowns(&mut self.z);
         self.multipliers.shift(self.dims);
     }
 
@@ -166,19 +167,6 @@ impl Solution {
     }
 }
 
-fn shift_unknowns(vector: &mut [f64], dims: OcpDims) {
-    let (x, u) = vector.split_at_mut(dims.all_states());
-    drop_first(x, dims.nx);
-    drop_first(u, dims.nu);
-}
-
-/// Drops the first `width` numbers and keeps the last ones twice.
-fn drop_first(values: &mut [f64], width: usize) {
-    if values.len() > width {
-        values.copy_within(width.., 0);
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -196,6 +184,7 @@ mod tests {
             equalities: 0,
             outputs: 0,
             feedthrough: 0,
+            tree: pinc_qp::Tree::CHAIN,
         };
         let mut from = Solution::new(dims);
         from.z = vec![1.0, 2.0, 10.0, 5.0, 6.0, 7.0];
@@ -227,6 +216,7 @@ mod tests {
             equalities: 0,
             outputs: 0,
             feedthrough: 0,
+            tree: pinc_qp::Tree::CHAIN,
         };
         assert!(Solution::new(dims).is_finite());
         let with = |change: fn(&mut Solution)| {
@@ -253,6 +243,7 @@ mod tests {
             equalities: 0,
             outputs: 0,
             feedthrough: 0,
+            tree: pinc_qp::Tree::CHAIN,
         };
         let mut solution = Solution::new(dims);
         solution.z = vec![1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0];

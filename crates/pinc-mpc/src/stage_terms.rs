@@ -1,7 +1,9 @@
 //! The parts of the cost whose Hessian depends on the plan.
 
 use crate::cost::{Cost, Targets};
+use crate::linearization_cache::LinearizationCache;
 use crate::outputs::Outputs;
+use crate::scenarios::Nodes;
 use crate::stage_cost::{QuadBlock, StageCost, StagePoint};
 use crate::{NmpcProblem, Tracked};
 use pinc_qp::{OcpDims, Qp};
@@ -17,6 +19,7 @@ use pinc_qp::{OcpDims, Qp};
 #[derive(Debug)]
 pub(crate) struct StageTerms {
     dims: OcpDims,
+    nodes: Nodes,
     /// What is tracked, if these are not all states.
     tracked: Vec<Tracked>,
     pub(crate) cost: Option<Box<dyn StageCost>>,
@@ -38,7 +41,7 @@ impl StageTerms {
     /// The terms of `problem`, if it has any.
     pub(crate) fn new(
         problem: &NmpcProblem,
-        dims: OcpDims,
+        (dims, nodes): (OcpDims, &Nodes),
         constant: Vec<f64>,
         cost: Option<Box<dyn StageCost>>,
         times: &[f64],
@@ -51,6 +54,7 @@ impl StageTerms {
         let width = tracked.len() * (dims.nx + dims.nu);
         Some(Self {
             dims,
+            nodes: nodes.clone(),
             cost,
             times: times.to_vec(),
             now_s: 0.0,
@@ -90,14 +94,13 @@ impl StageTerms {
         }
     }
 
-    /// Writes Q, S, E and T, adds to the gradient, and gives the value. The parameters are
-    /// `[N, np]`; at the end of the horizon the last ones hold.
+    /// Writes Q, S, E and T, adds to the gradient, and gives the value.
     #[inline(never)]
     pub(crate) fn add(
         &mut self,
         cost: &Cost,
         outputs: Option<&Outputs>,
-        [x0, z, p]: [&[f64]; 3],
+        ([x0, z], cache): ([&[f64]; 2], &LinearizationCache),
         targets: Targets<'_>,
         qp: &mut Qp,
     ) -> f64 {
@@ -106,32 +109,51 @@ impl StageTerms {
         qp.s_before.fill(0.0);
         qp.t.fill(0.0);
         let mut value = 0.0;
-        let np = p.len() / self.dims.horizon;
-        for stage in 0..=self.dims.horizon {
-            let last = stage.min(self.dims.horizon - 1);
-            let p = &p[last * np..(last + 1) * np];
-            let x = self.dims.state(stage).map_or(x0, |state| &z[state]);
-            if let Some(own) = &mut self.cost {
-                let acting = self.dims.acting(stage);
-                let u = &z[self.dims.input(acting)];
-                let time_s = self.now_s + self.times[stage];
-                self.block.clear();
-                own.quadratize(StagePoint { stage, time_s, x, u, p }, &mut self.block);
-                value += self.block.value;
-                self.add_block(stage, acting, qp);
-                self.add_cross(stage, &mut qp.s);
+        for node in 0..=self.dims.horizon {
+            let x = self.dims.state(node).map_or(x0, |state| &z[state]);
+            if self.cost.is_some() {
+                value += self.add_own(node, (x, z), cache, qp);
             }
-            if stage >= self.dims.n1 && !self.tracked.is_empty() {
-                let u = &z[self.dims.input(self.dims.acting(stage - 1))];
+            if node >= self.dims.n1 && !self.tracked.is_empty() {
+                let u = &z[self.dims.input(self.dims.input_of(node - 1))];
                 self.block.clear();
-                self.track(cost.tracking_weight(stage), outputs, stage, [x, u], targets);
+                self.track(cost.tracking_weight(node), outputs, node, [x, u], targets);
                 value += self.block.value;
-                self.add_block(stage, self.dims.acting(stage - 1), qp);
+                self.add_block(node, self.dims.input_of(node - 1), 1.0, qp);
                 // Without feedthrough there are no products with inputs.
                 if !qp.s_before.is_empty() {
-                    self.add_cross(stage, &mut qp.s_before);
+                    self.add_cross(node, 1.0, &mut qp.s_before);
                 }
             }
+        }
+        value
+    }
+
+    /// Adds the stage cost at a node, once for each branch that follows, with its parameters; at
+    /// the end of a path with the parameters that led there.
+    fn add_own(
+        &mut self,
+        node: usize,
+        (x, z): (&[f64], &[f64]),
+        cache: &LinearizationCache,
+        qp: &mut Qp,
+    ) -> f64 {
+        let (dims, mut value) = (self.dims, 0.0);
+        let (acting, stage) = (dims.acting(node), self.nodes.depths[node]);
+        let time_s = self.time_s(stage);
+        let (u, next) = (&z[dims.input(acting)], dims.stages_from(node));
+        let last = if next.is_empty() { node - 1..node } else { next };
+        for branch in last {
+            self.block.clear();
+            let p = cache.parameters(branch);
+            let own = self.cost.iter_mut();
+            own.for_each(|own| {
+                own.quadratize(StagePoint { stage, time_s, x, u, p }, &mut self.block)
+            });
+            let part = self.nodes.weights[branch + 1];
+            value += part * self.block.value;
+            self.add_block(node, acting, part, qp);
+            self.add_cross(node, part, &mut qp.s);
         }
         value
     }
@@ -210,27 +232,27 @@ impl StageTerms {
         }
     }
 
-    /// Adds the block of a stage and an input, without products of the two, to the program; the
+    /// Adds this part of the block of a node and an input, without products of the two, to the program; the
     /// measured state does not move.
-    fn add_block(&self, stage: usize, input: usize, qp: &mut Qp) {
+    fn add_block(&self, node: usize, input: usize, part: f64, qp: &mut Qp) {
         let (dims, block) = (self.dims, &self.block);
         let OcpDims { nx, nu, .. } = dims;
-        add(&mut qp.gradient[dims.input(input)], &block.by_u);
-        add(&mut qp.t[input * nu * nu..], &block.r);
-        if let Some(state) = dims.state(stage) {
-            add(&mut qp.gradient[state], &block.by_x);
-            add(&mut qp.q[(stage - 1) * nx * nx..], &block.q);
+        add(&mut qp.gradient[dims.input(input)], part, &block.by_u);
+        add(&mut qp.t[input * nu * nu..], part, &block.r);
+        if let Some(state) = dims.state(node) {
+            add(&mut qp.gradient[state], part, &block.by_x);
+            add(&mut qp.q[(node - 1) * nx * nx..], part, &block.q);
         }
     }
 
-    /// Adds the products of a stage's state and the input.
-    fn add_cross(&self, stage: usize, s: &mut [f64]) {
-        if let Some(before) = stage.checked_sub(1) {
-            add(&mut s[before * self.block.s.len()..], &self.block.s);
+    /// Adds this part of the products of a node's state and the input.
+    fn add_cross(&self, node: usize, part: f64, s: &mut [f64]) {
+        if let Some(before) = node.checked_sub(1) {
+            add(&mut s[before * self.block.s.len()..], part, &self.block.s);
         }
     }
 }
 
-fn add(to: &mut [f64], from: &[f64]) {
-    to.iter_mut().zip(from).for_each(|(to, from)| *to += from);
+fn add(to: &mut [f64], factor: f64, from: &[f64]) {
+    to.iter_mut().zip(from).for_each(|(to, from)| *to += factor * from);
 }

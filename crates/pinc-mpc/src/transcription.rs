@@ -7,6 +7,7 @@ use crate::curvature::{At, Curvature};
 use crate::horizon::Horizon;
 use crate::linearization_cache::LinearizationCache;
 use crate::outputs::{OutputRows, Outputs};
+use crate::scenarios::Nodes;
 use crate::solution::Solution;
 use crate::stage_cost::StageCost;
 use crate::stage_terms::StageTerms;
@@ -51,14 +52,19 @@ impl Transcription {
         let (model, feedthrough) = (horizon.dims(), horizon.feedthrough());
         let output_rows = OutputRows::new(problem, model, feedthrough);
         let dims = problem.ocp_dims(model, &output_rows);
-        let states = problem.state_bounds.expand(dims.all_states());
-        let inputs = problem.input_bounds.expand(dims.all_inputs());
-        let increments = problem.increment_bounds.expand(dims.all_inputs());
-        let cost = Cost::new(problem, dims);
-        let outputs = model.ny * dims.constrained().len();
+        let nodes = Nodes::new(problem, dims);
+        let depths = |nodes: Range<usize>, first: usize| {
+            let each = nodes.map(|node| dims.tree.depth(node));
+            each.map(move |depth| depth - first)
+        };
+        let states = problem.state_bounds.expand(dims.nx, depths(1..dims.horizon + 1, 1));
+        let inputs = problem.input_bounds.expand(dims.nu, depths(0..dims.n_controls, 0));
+        let increments = problem.increment_bounds.expand(dims.nu, depths(0..dims.n_controls, 0));
+        let cost = Cost::new(problem, dims, &nodes);
+        let outputs = |b: &Bounds| b.expand(model.ny, depths(dims.constrained(), problem.n1));
         let output_bounds = problem.output_bounds.as_ref();
         let constant = cost.state_hessians();
-        let terms = StageTerms::new(problem, dims, constant, stage_cost, horizon.times());
+        let terms = StageTerms::new(problem, (dims, &nodes), constant, stage_cost, horizon.times());
         let exact = terms.as_ref().is_some_and(StageTerms::leaves_out_hessian);
         let mut transcription = Self {
             dims,
@@ -69,21 +75,21 @@ impl Transcription {
             bounds: states.chain(inputs),
             limits_increments: increments.low.iter().chain(&increments.high).any(|b| b.is_finite()),
             increments,
-            output_bounds: output_bounds.map_or(Bounds::none(0), |b| b.expand(outputs)),
+            output_bounds: output_bounds.map_or(Bounds::none(0), outputs),
             constraints: problem.constraints.clone(),
             work: ConstraintWork::new(model, dims.general()),
-            cache: LinearizationCache::new(dims, &problem.parameters),
+            cache: LinearizationCache::new(dims, problem),
             outputs: problem.uses_outputs().then(|| Outputs::new(dims, model)),
             units: Units::new(problem, dims, &output_rows),
             output_rows,
         };
-        transcription.set_constants(problem, feedthrough);
+        transcription.set_constants(problem, feedthrough, &nodes);
         transcription
     }
 
     /// Writes the numbers that stay: Hessian and penalties, and limits that are finite where they
     /// are.
-    fn set_constants(&mut self, problem: &NmpcProblem, feedthrough: &[bool]) {
+    fn set_constants(&mut self, problem: &NmpcProblem, feedthrough: &[bool], nodes: &Nodes) {
         let (dims, qp) = (self.dims, &mut self.plain);
         qp.w = self.cost.input_hessian();
         if problem.tracks_feedthrough(feedthrough) {
@@ -94,19 +100,20 @@ impl Transcription {
         qp.bounds.low.copy_from_slice(&self.bounds.low);
         qp.bounds.high.copy_from_slice(&self.bounds.high);
         for (v, penalty) in qp.bounds.penalty[..dims.all_states()].iter_mut().enumerate() {
-            *penalty = problem.state_softness.penalty(v % dims.nx);
+            let part = nodes.weights[v / dims.nx + 1];
+            *penalty = part * problem.state_softness.penalty(v % dims.nx);
         }
         qp.increments.low.copy_from_slice(&self.increments.low);
         qp.increments.high.copy_from_slice(&self.increments.high);
         for j in dims.constrained() {
-            let (general, outputs) = split_rows(dims, j);
+            let ((general, outputs), part) = (split_rows(dims, j), nodes.weights[j]);
             for (i, row) in general.enumerate() {
-                qp.rows.penalty[row] = problem.constraint_softness.penalty(i);
+                qp.rows.penalty[row] = part * problem.constraint_softness.penalty(i);
                 qp.rows.high[row] = 0.0;
                 qp.rows.low[row] = if i < dims.inequalities { f64::NEG_INFINITY } else { 0.0 };
             }
             for (row, (output, _)) in outputs.zip(self.output_rows.iter()) {
-                qp.rows.penalty[row] = problem.output_softness.penalty(output);
+                qp.rows.penalty[row] = part * problem.output_softness.penalty(output);
                 [qp.rows.low[row], qp.rows.high[row]] =
                     output_limits(&self.output_bounds, dims, j, output);
             }
@@ -225,7 +232,7 @@ impl Transcription {
         }
         let increments = self.increments.low.iter().zip(&self.increments.high);
         for (v, ((&least, &most), (down, up))) in bounds.zip(increments).enumerate() {
-            let before = if v < m { previous[v] } else { inputs[v - m] };
+            let before = self.dims.entry_before(v).map_or(previous[v % m], |at| inputs[at]);
             let low = (before + down).min(most);
             let high = (before + up).max(least);
             let wanted = if inputs[v].is_finite() { inputs[v] } else { before };
@@ -236,7 +243,7 @@ impl Transcription {
 
     /// The input before input `v` of all.
     fn before(&self, v: usize, z: &[f64], previous: &[f64]) -> f64 {
-        match v.checked_sub(self.dims.nu) {
+        match self.dims.entry_before(v) {
             None => previous[v],
             Some(before) => z[self.dims.all_states() + before],
         }
@@ -280,7 +287,7 @@ impl Transcription {
         }
         self.linearize_constraints(z, qp);
         if let Some(outputs) = &mut self.outputs {
-            outputs.follow(horizon, self.dims, [x0, z], self.cache.stage_parameters());
+            outputs.follow(horizon, self.dims, [x0, z], &self.cache);
             self.limit_outputs(qp);
         }
         true
@@ -336,7 +343,7 @@ impl Transcription {
         self.limit(z, targets.previous, qp);
         let mut cost = self.cost.gradient(z, targets, &mut qp.gradient);
         if let Some(terms) = &mut self.terms {
-            let at = [x0, z, self.cache.stage_parameters()];
+            let at = ([x0, z], &self.cache);
             cost += terms.add(&self.cost, self.outputs.as_ref(), at, targets, qp);
         }
         cost
@@ -405,7 +412,8 @@ impl Transcription {
             let moved = row.iter().zip(x0.iter().zip(prepared)).zip(units);
             moved.map(|((a, (x, prepared)), unit)| a * ((x - prepared) / unit)).sum()
         };
-        for (c, row) in qp.c.iter_mut().zip(qp.a.chunks_exact(n)).take(n) {
+        let first = n * self.dims.stages_from(0).len();
+        for (c, row) in qp.c.iter_mut().zip(qp.a.chunks_exact(n)).take(first) {
             *c += moved(row);
         }
         for row in rows_at_measured(self.dims) {
@@ -460,8 +468,9 @@ fn output_limits(bounds: &Bounds, dims: OcpDims, j: usize, output: usize) -> [f6
 }
 
 /// The rows of outputs at the measured state.
-fn rows_at_measured(dims: OcpDims) -> Range<usize> {
-    if dims.n1 == 1 { dims.rows_at_start(1).rows } else { 0..0 }
+fn rows_at_measured(dims: OcpDims) -> impl Iterator<Item = usize> {
+    let stages = if dims.n1 == 1 { dims.stages_from(0) } else { 0..0 };
+    stages.flat_map(move |stage| dims.rows_at_start(stage + 1).rows)
 }
 
 /// Where an output at the measured state does not change with the input after all, no input can

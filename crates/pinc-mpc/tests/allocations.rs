@@ -3,10 +3,10 @@
 
 use pinc_ad::Scalar;
 use pinc_mpc::{
-    Bounds, ClosedLoop, Constraints, Nmpc, NmpcProblem, QpMethod, Reference, SqpConfig, SqpStatus,
-    StageConstraints, Tracked, Weights,
+    Bounds, ClosedLoop, Constraints, Nmpc, NmpcProblem, QpMethod, Reference, Scenarios, SqpConfig,
+    SqpStatus, StageConstraints, Tracked, Weights,
 };
-use pinc_ode::{Dopri5, Model, Rk4};
+use pinc_ode::{Dims, Dopri5, Linearization, Model, Rk4, Stages};
 use pinc_plants::{FourTanks, VanDerPol};
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
@@ -133,6 +133,53 @@ fn a_control_step_allocates_nothing() {
                 assert_eq!(statuses, [Converged, InfeasibleQp, Converged], "{qp}");
             }
         }
+    }
+}
+
+/// x\[k+1\] = p x + u
+#[derive(Debug)]
+struct Leaky;
+
+impl Model for Leaky {
+    fn dims(&self) -> Dims {
+        Dims::new(1, 1).with_parameters(1)
+    }
+
+    fn sample_time_s(&self) -> f64 {
+        1.0
+    }
+
+    fn step(&mut self, x: &[f64], u: &[f64], p: &[f64], next: &mut [f64]) {
+        next[0] = p[0] * x[0] + u[0];
+    }
+
+    fn linearize(&mut self, at: Stages<'_>, out: Linearization<'_>) {
+        for k in 0..at.x.len() {
+            out.next[k] = at.p[k] * at.x[k] + at.u[k];
+            (out.a[k], out.b[k]) = (at.p[k], 1.0);
+        }
+    }
+}
+
+#[test]
+fn a_control_step_on_a_tree_allocates_nothing() {
+    for real_time in [false, true] {
+        let config = SqpConfig { real_time, ..SqpConfig::default() };
+        let problem = NmpcProblem {
+            state_bounds: Bounds::new(vec![-1.0], vec![1.0]),
+            input_bounds: Bounds::new(vec![-1.0], vec![1.0]),
+            parameters: vec![0.9],
+            scenarios: Some(Scenarios::grid(vec![0], &[vec![0.9, 0.7, 1.2]], 2)),
+            ..NmpcProblem::new(Leaky.dims(), 5, Weights::uniform(vec![10.0], vec![1.0]))
+        };
+        let mut nmpc = Nmpc::new(problem, Box::new(Leaky), config).unwrap();
+        let before = requests();
+        for x in [0.5, 0.6, -3.0, 0.2] {
+            nmpc.prepare();
+            let status = nmpc.step(&[x], &[0.9; 5]).unwrap().status;
+            assert!(real_time || x < -1.0 || status == SqpStatus::Converged, "{x} {status}");
+        }
+        assert_eq!(requests() - before, 0, "{real_time}");
     }
 }
 

@@ -29,15 +29,16 @@ const MOST_FROM_SCRATCH: usize = 100;
 #[non_exhaustive]
 pub enum QpMethod {
     /// `Condensed` where it takes fewer operations, and for programs that couple all inputs;
-    /// `Riccati` for others, which leaves programs of up to 100 free inputs that it has no good
+    /// `Riccati` for others and for scenario trees, which leaves programs of up to 100 free inputs that it has no good
     /// guess for to `Condensed`; where that fails, `Clarabel`, if this crate is built with it.
     #[default]
     Auto,
     /// The states are eliminated; a dense dual active-set method solves what is left. The fastest
-    /// for short horizons; its cost grows with the square of the horizon and more.
+    /// for short horizons; its cost grows with the square of the horizon and more. Not for scenario
+    /// trees.
     Condensed,
     /// Stage by stage, an active-set and an interior-point method on a Riccati recursion: the cost
-    /// is linear in the horizon. Not for programs that couple all inputs. `Clarabel`, if this crate
+    /// is linear in the number of stages. Not for programs that couple all inputs. `Clarabel`, if this crate
     /// is built with it, says whether a program on which both fail is infeasible.
     Riccati,
     /// Clarabel's sparse interior-point method, for all that is convex. It needs the feature
@@ -54,6 +55,9 @@ pub enum QpError {
         "the QP method riccati works stage by stage and cannot weight the whole input sequence"
     )]
     NotStagewise,
+    /// A scenario tree, of which not all states follow from one sequence of inputs.
+    #[error("the QP method condensed does not solve scenario trees: name riccati or auto")]
+    CondensedTree,
     /// This build has no Clarabel.
     #[error("the QP method clarabel needs a build with the feature `clarabel`")]
     NoClarabel,
@@ -105,16 +109,22 @@ impl ChosenQp {
     ///
     /// [`QpError`] if the method cannot solve such programs, or is not part of this build.
     pub fn new(qp: &Qp, method: QpMethod) -> Result<Self, QpError> {
-        let stagewise = qp.w.is_empty();
+        let (stagewise, chain) = (qp.w.is_empty(), qp.dims.tree.is_chain());
         let OcpDims { nx, nu, horizon, n_controls, .. } = qp.dims;
-        let few = method == QpMethod::Auto && qp.dims.all_inputs() <= MOST_FROM_SCRATCH;
-        let chosen: Box<dyn QpSolver> = match method.resolve([nx, nu], [horizon, n_controls]) {
+        let few = method == QpMethod::Auto && chain && qp.dims.all_inputs() <= MOST_FROM_SCRATCH;
+        let resolved = match method.resolve([nx, nu], [horizon, n_controls]) {
+            QpMethod::Condensed if method == QpMethod::Auto && !chain => QpMethod::Riccati,
+            resolved => resolved,
+        };
+        let chosen: Box<dyn QpSolver> = match resolved {
             QpMethod::Riccati if stagewise => {
                 let from_scratch = few.then(|| CondensedQp::new(qp));
                 Box::new(RiccatiQp::new(qp).with_from_scratch(from_scratch))
             }
             QpMethod::Riccati if method == QpMethod::Riccati => return Err(QpError::NotStagewise),
             QpMethod::Clarabel => general(qp).ok_or(QpError::NoClarabel)?,
+            _ if !chain && !stagewise => return Err(QpError::NotStagewise),
+            QpMethod::Condensed if !chain => return Err(QpError::CondensedTree),
             QpMethod::Condensed | QpMethod::Riccati | QpMethod::Auto => {
                 Box::new(CondensedQp::new(qp))
             }
@@ -208,6 +218,7 @@ mod tests {
             equalities,
             outputs,
             feedthrough: 0,
+            tree: crate::Tree::CHAIN,
         };
         Qp::new(dims, vec![1.0], vec![1.0])
     }

@@ -268,10 +268,11 @@ impl Layout {
         for j in 0..dims.horizon {
             for (i, row) in dims.next_state(j).enumerate() {
                 self.push(row, row, -1.0, Number::One);
-                for (k, column) in dims.state(j).into_iter().flatten().enumerate() {
+                let state = dims.state(dims.origin(j));
+                for (k, column) in state.into_iter().flatten().enumerate() {
                     self.push(row, column, 1.0, Number::A((j * n + i) * n + k));
                 }
-                for (k, column) in dims.input(dims.acting(j)).enumerate() {
+                for (k, column) in dims.input(dims.input_of(j)).enumerate() {
                     self.push(row, column, 1.0, Number::B((j * n + i) * m + k));
                 }
             }
@@ -302,8 +303,8 @@ impl Layout {
             Kind::Increment => {
                 let column = dims.all_states() + index;
                 self.push(row, column, sign, Number::One);
-                if index >= m {
-                    self.push(row, column - m, -sign, Number::One);
+                if let Some(before) = dims.entry_before(index) {
+                    self.push(row, dims.all_states() + before, -sign, Number::One);
                 }
             }
             Kind::Row => {
@@ -351,8 +352,9 @@ fn hessian(qp: &Qp, columns: usize) -> CscMatrix<f64> {
                 entries.extend(rows.map(|(k, row)| (row, to, entry(k))));
             }
             // Without W only neighbours are coupled.
-            let first = if qp.w.is_empty() { i.saturating_sub(1) * m } else { 0 };
-            for row in first..=i * m + column {
+            let before = dims.input_before(i).filter(|_| qp.w.is_empty());
+            let others = before.map_or(0..i * m, |before| before * m..(before + 1) * m);
+            for row in others.chain(i * m..=i * m + column) {
                 entries.push((inputs + row, to, between_inputs(qp, row, i * m + column)));
             }
         }
@@ -365,13 +367,15 @@ fn between_inputs(qp: &Qp, row: usize, column: usize) -> f64 {
     let m = qp.dims.nu;
     let (i, at) = (column / m, row % m * m + column % m);
     let w = qp.w.get(row * qp.dims.all_inputs() + column).copied().unwrap_or(0.0);
-    match i - row / m {
-        0 => {
-            let next = if i + 1 < qp.dims.n_controls { qp.r(i + 1)[at] } else { 0.0 };
-            qp.r(i)[at] + next + qp.t(i).map_or(0.0, |t| t[at]) + w
-        }
-        1 => w - qp.r(i)[at],
-        _ => w,
+    if i == row / m {
+        // The input of the stage that leads to node j is the one before the node's.
+        let next = qp.dims.stages_from(i).map(|stage| stage + 1);
+        let next: f64 = next.filter(|&j| j < qp.dims.n_controls).map(|j| qp.r(j)[at]).sum();
+        qp.r(i)[at] + next + qp.t(i).map_or(0.0, |t| t[at]) + w
+    } else if qp.dims.input_before(i) == Some(row / m) {
+        w - qp.r(i)[at]
+    } else {
+        w
     }
 }
 

@@ -39,12 +39,14 @@ mod ocp_dims;
 mod riccati;
 #[cfg(test)]
 mod tests;
+mod tree;
 mod work;
 
 pub use algebra::{all_finite, largest};
 pub use choice::{ChosenQp, QpError, QpMethod};
 pub use multipliers::Multipliers;
 pub use ocp_dims::{OcpDims, RowBlock};
+pub use tree::Tree;
 pub use work::QpWork;
 
 #[cfg(feature = "clarabel")]
@@ -72,6 +74,8 @@ use std::ops::Range;
 /// with, for outputs that depend on the input, further rows at both ends of each interval, of
 /// (`dx_j`, `du_{j-1}`) and of (`dx_{j-1}`, `du_{j-1}`): see [`OcpDims::row_blocks`].
 ///
+/// On a [`Tree`] that branches, the index before j or i is the one of the node before (see
+/// [`OcpDims`]): `dx_{j+1} = A_j dx_o + B_j du_o + c_j` with the node o that stage j leads from.
 ///
 /// Throughout `du_j` = `du_{Nu-1}` for j >= Nu, `c_j = f(x_j, u_j) - x_{j+1}`, and du all inputs as one
 /// vector.
@@ -308,7 +312,7 @@ impl Qp {
     #[inline]
     pub fn cross(&self, j: usize) -> impl Iterator<Item = (usize, &[f64])> {
         let here = self.s(j).map(|s| (self.dims.acting(j), s));
-        here.into_iter().chain(self.s_before(j).map(|s| (self.dims.acting(j - 1), s)))
+        here.into_iter().chain(self.s_before(j).map(|s| (self.dims.input_of(j - 1), s)))
     }
 
     /// `S_j` of `x_j` and the input that acts there, j = 1..N, `[m, n]`, if there is one.
@@ -369,7 +373,7 @@ impl Qp {
         sized!(dims, |n, m| self.add_dynamics(&multipliers.dynamics, sums, n, m));
         for (v, nu) in multipliers.increments.iter().enumerate() {
             inputs[v] += nu;
-            if let Some(before) = v.checked_sub(dims.nu) {
+            if let Some(before) = dims.entry_before(v) {
                 inputs[before] -= nu;
             }
         }
@@ -392,10 +396,11 @@ impl Qp {
             for (sum, lambda) in block_mut(states, j, n).iter_mut().zip(lambda) {
                 *sum -= lambda;
             }
-            if let Some(before) = j.checked_sub(1) {
+            let origin = self.dims.origin(j);
+            if let Some(before) = origin.checked_sub(1) {
                 add_transposed(block(&self.a, j, n * n), lambda, block_mut(states, before, n));
             }
-            let input = block_mut(inputs, self.dims.acting(j), m);
+            let input = block_mut(inputs, self.dims.acting(origin), m);
             add_transposed(block(&self.b, j, n * m), lambda, input);
         }
     }

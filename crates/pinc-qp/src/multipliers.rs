@@ -63,23 +63,10 @@ impl Multipliers {
 
     /// Shifts by one step: the multipliers of stage j take the place of stage j-1's, the last stay.
     pub fn shift(&mut self, dims: OcpDims) {
-        drop_first(&mut self.dynamics, dims.nx);
-        shift_unknowns(&mut self.bounds, dims);
-        drop_first(&mut self.increments, dims.nu);
-        drop_first(&mut self.rows, dims.rows());
-    }
-}
-
-fn shift_unknowns(vector: &mut [f64], dims: OcpDims) {
-    let (x, u) = vector.split_at_mut(dims.all_states());
-    drop_first(x, dims.nx);
-    drop_first(u, dims.nu);
-}
-
-/// Drops the first `width` numbers and keeps the last ones twice.
-fn drop_first(values: &mut [f64], width: usize) {
-    if values.len() > width {
-        values.copy_within(width.., 0);
+        dims.shift(&mut self.dynamics, 1, dims.nx);
+        dims.shift_unknowns(&mut self.bounds);
+        dims.shift(&mut self.increments, 0, dims.nu);
+        dims.shift(&mut self.rows, dims.n1, dims.rows());
     }
 }
 
@@ -100,6 +87,7 @@ mod tests {
             equalities,
             outputs,
             feedthrough: 0,
+            tree: crate::Tree::CHAIN,
         };
         let mut multipliers = Multipliers::new(dims);
         let mut number = first;

@@ -1,22 +1,28 @@
 //! The sizes of a control problem, and where its parts lie in flat vectors.
 
+use crate::Tree;
 use std::ops::Range;
 
 /// The sizes of a control problem, and where its parts lie in flat vectors.
 ///
 /// The unknowns are `z = (x_1, .., x_N, u_0, .., u_{Nu-1})`, with `x_j` short for `x[k+j]`. The
 /// input that acts in stage j is `u_{min(j, Nu-1)}`: the last is held.
+///
+/// On a [`Tree`] that branches, `x_j` is the state of node j, and stage j - 1 leads there from the
+/// node [`OcpDims::origin`]. All stages that leave a node have the node's input, so that an input
+/// never depends on a branch still to come. N and Nu are then numbers of nodes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct OcpDims {
     /// n
     pub nx: usize,
     /// m
     pub nu: usize,
-    /// N = N2
+    /// N = N2; the number of nodes after the root.
     pub horizon: usize,
-    /// Nu
+    /// Nu; the number of nodes with an input of their own, all nodes of some depths, beyond the last
+    /// branching.
     pub n_controls: usize,
-    /// N1
+    /// N1; the first node of a depth.
     pub n1: usize,
     /// Rows of the inequalities h, per constrained stage.
     pub inequalities: usize,
@@ -27,6 +33,8 @@ pub struct OcpDims {
     /// Bounded outputs that depend on the input: each has two rows with two limits per constrained
     /// stage, one at either end of the interval that leads there.
     pub feedthrough: usize,
+    /// How the stages follow one another.
+    pub tree: Tree,
 }
 
 /// Rows that have the same state and input in them.
@@ -113,11 +121,55 @@ impl OcpDims {
         first..first + self.nu
     }
 
-    /// The index of the input that acts in stage `j`: the last is held.
+    /// The node that stage `j` leads from.
+    #[must_use]
+    #[inline]
+    pub fn origin(self, j: usize) -> usize {
+        self.tree.origin(j)
+    }
+
+    /// The index of the input that acts in the stages from node `j` on: the last is held.
     #[must_use]
     #[inline]
     pub fn acting(self, j: usize) -> usize {
-        j.min(self.n_controls - 1)
+        if j < self.n_controls || self.tree.is_chain() {
+            j.min(self.n_controls - 1)
+        } else {
+            let scenarios = self.tree.scenarios();
+            self.n_controls - scenarios + (j - self.n_controls) % scenarios
+        }
+    }
+
+    /// The index of the input of stage `j`.
+    #[must_use]
+    #[inline]
+    pub fn input_of(self, j: usize) -> usize {
+        self.acting(self.origin(j))
+    }
+
+    /// The index of the input before input `i`; `None` for the first, which follows on the input
+    /// applied last.
+    #[must_use]
+    #[inline]
+    pub fn input_before(self, i: usize) -> Option<usize> {
+        i.checked_sub(1).map(|stage| self.origin(stage))
+    }
+
+    /// The place among all inputs' numbers of the number before number `v`.
+    #[must_use]
+    #[inline]
+    pub fn entry_before(self, v: usize) -> Option<usize> {
+        if self.tree.is_chain() {
+            return v.checked_sub(self.nu);
+        }
+        self.input_before(v / self.nu).map(|before| before * self.nu + v % self.nu)
+    }
+
+    /// The stages that leave node `j`.
+    #[inline]
+    pub fn stages_from(self, j: usize) -> Range<usize> {
+        let children = self.tree.children(j);
+        children.start.min(self.horizon + 1) - 1..children.end.min(self.horizon + 1) - 1
     }
 
     /// Where the rows at stage `j`, from N1 to N2, are: rows of h, of g, of outputs, and of outputs
@@ -145,16 +197,16 @@ impl OcpDims {
     #[inline]
     pub fn rows_at_end(self, j: usize) -> RowBlock {
         let first = self.rows_here(j).rows.end;
-        RowBlock { rows: first..first + self.feedthrough, state: j, input: self.acting(j - 1) }
+        RowBlock { rows: first..first + self.feedthrough, state: j, input: self.input_of(j - 1) }
     }
 
-    /// The rows at the start of that interval: of `x_{j-1}` and the same input.
+    /// The rows at the start of that interval: of the state that it begins at and the same input.
     #[must_use]
     #[inline]
     pub fn rows_at_start(self, j: usize) -> RowBlock {
         let first = self.rows_at_end(j).rows.end;
         let rows = first..first + self.feedthrough;
-        RowBlock { rows, state: j - 1, input: self.acting(j - 1) }
+        RowBlock { rows, state: self.origin(j - 1), input: self.input_of(j - 1) }
     }
 
     /// All rows at stage `j`, from N1 to N2, in their order.
@@ -184,5 +236,28 @@ impl OcpDims {
     pub fn all_row_blocks(self) -> impl Iterator<Item = RowBlock> {
         let stages = if self.rows() > 0 { self.constrained() } else { 0..0 };
         stages.flat_map(move |j| self.row_blocks(j)).filter(|block| !block.rows.is_empty())
+    }
+
+    /// Moves a vector of the unknowns on by one stage: each node takes over from the node one stage
+    /// deeper (see [`Tree::successor`]), the last ones stay.
+    pub fn shift_unknowns(self, vector: &mut [f64]) {
+        let (x, u) = vector.split_at_mut(self.all_states());
+        self.shift(x, 1, self.nx);
+        self.shift(u, 0, self.nu);
+    }
+
+    /// Moves on numbers of nodes from `first` on, `width` of each node.
+    pub(crate) fn shift(self, values: &mut [f64], first: usize, width: usize) {
+        let count = values.len().checked_div(width).unwrap_or(0);
+        if self.tree.is_chain() && count > 1 {
+            values.copy_within(width.., 0);
+            return;
+        }
+        for place in 0..count {
+            let source = self.tree.successor(first + place) - first;
+            if source < count {
+                values.copy_within(source * width..(source + 1) * width, place * width);
+            }
+        }
     }
 }

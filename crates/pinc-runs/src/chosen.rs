@@ -3,6 +3,7 @@
 use super::{LoopSetup, Schedules, matching_model};
 use crate::RunError;
 use pinc_config::{ControlSpec, Experiment, LoopParameters, ModelKind};
+use pinc_mpc::Scenarios;
 use pinc_net::PincNet;
 use pinc_ode::DynPlant;
 use pinc_record::read_file;
@@ -34,6 +35,7 @@ pub(super) struct Chosen<'e> {
     pub(super) estimated: Vec<usize>,
     /// The places of those that are measured, in the order of the config.
     pub(super) measured: Vec<usize>,
+    scenarios: Option<Scenarios>,
     truth: Box<dyn DynPlant>,
     experiment: Cow<'e, Experiment>,
 }
@@ -85,13 +87,16 @@ impl<'e> Chosen<'e> {
             _ => None,
         };
         // In a family, a net stands for the member that the config names, unless an estimator or a
-        // measurement says which one it is; an integrator gets it at each call.
+        // measurement says which one it is, or there are scenarios; an integrator gets it at each
+        // call.
         let LoopParameters { names, values, estimated } = experiment.loop_parameters();
         let place = |name: &String| names.iter().position(|known| known == name);
         let measured: Vec<_> = experiment.measured_parameters().iter().filter_map(place).collect();
         let mut told = Cow::Borrowed(experiment);
         let (given, names, parameters) = match given {
-            Some((bytes, net)) if estimated.is_empty() && measured.is_empty() => {
+            Some((bytes, net))
+                if estimated.is_empty() && measured.is_empty() && spec.scenarios.is_none() =>
+            {
                 let own =
                     names.iter().zip(&values).map(|(name, value)| ((*name).to_owned(), *value));
                 told = Cow::Owned(experiment.with_parameters(&own.collect()));
@@ -115,6 +120,7 @@ impl<'e> Chosen<'e> {
             parameter_names,
             estimated,
             measured,
+            scenarios: experiment.scenarios(),
             truth,
             experiment: told,
         })
@@ -141,6 +147,7 @@ impl<'e> Chosen<'e> {
             parameters: &self.parameters,
             estimated: &self.estimated,
             costed: self.experiment.costed_plant(&self.varying()),
+            scenarios: self.scenarios.clone(),
             truth: &*self.truth,
             schedules: Schedules::default(),
         }

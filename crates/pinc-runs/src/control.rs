@@ -10,7 +10,9 @@ use crate::RunError;
 use crate::progress::Stage;
 use pinc_check::{Metered, Rehearsal, Work};
 use pinc_config::{ControlSpec, Experiment, ModelKind, Schedule, Variables};
-use pinc_mpc::{BoundSchedule, Bounded, ClosedLoop, Nmpc, NmpcProblem, Reference, Violation};
+use pinc_mpc::{
+    BoundSchedule, Bounded, ClosedLoop, Nmpc, NmpcProblem, Reference, Scenarios, Violation,
+};
 use pinc_net::PincNet;
 use pinc_ode::{
     Dims, DynPlant, DynRhs, Integrator, PiecewiseConstant, Scheme, Simulator, Trajectory,
@@ -48,6 +50,8 @@ pub struct LoopSetup<'a> {
     pub(crate) estimated: &'a [usize],
     /// The plant that the models are of with the cost of `[control.cost]` beside it, if there is one.
     pub(crate) costed: Option<Box<dyn DynPlant>>,
+    /// What the models' parameters may be.
+    pub(crate) scenarios: Option<Scenarios>,
     /// The plant in the loop at first.
     pub(crate) truth: &'a dyn DynRhs,
     /// How the parameters of models and the plant change.
@@ -294,6 +298,7 @@ impl<'a> LoopSetup<'a> {
             parameters: &[],
             estimated: &[],
             costed: None,
+            scenarios: None,
             truth: plant,
             schedules: Schedules::default(),
         }
@@ -319,7 +324,8 @@ impl LoopSetup<'_> {
     #[must_use]
     pub fn problem(&self) -> NmpcProblem {
         let problem = self.spec.problem(&Variables::of(self.truth), self.sample_time_s);
-        NmpcProblem { parameters: self.parameters.to_vec(), ..problem }
+        let (parameters, scenarios) = (self.parameters.to_vec(), self.scenarios.clone());
+        NmpcProblem { parameters, scenarios, ..problem }
     }
 
     /// What is followed, step by step.

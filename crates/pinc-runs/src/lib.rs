@@ -405,6 +405,7 @@ impl Stages<'_> {
                 parameters: &values,
                 estimated: &estimated,
                 costed: experiment.costed_plant(&names),
+                scenarios: experiment.scenarios(),
                 truth: &*first.plant,
                 schedules,
             };

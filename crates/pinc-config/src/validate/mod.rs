@@ -7,6 +7,7 @@ mod estimator;
 mod identify;
 pub(crate) mod limits;
 mod names;
+mod scenarios;
 mod schedule;
 mod stages;
 mod values;
@@ -79,6 +80,7 @@ impl Experiment {
             schedule::times(control, self.sample_time_s())?;
             estimator::output_feedback(self, control, &variables)?;
             schedule::schedules(self, control)?;
+            scenarios::scenarios(self, control)?;
         }
         if let Some(one_step) = &self.one_step {
             let needed = "[one_step] needs it";

@@ -83,6 +83,7 @@ impl Program {
             equalities: 0,
             outputs: 0,
             feedthrough: 0,
+            tree: pinc_qp::Tree::CHAIN,
         };
         let none = vec![0.0; stages * n * n];
         let mut qp = Qp::new(ocp, none.clone(), none).with_stage_cost();

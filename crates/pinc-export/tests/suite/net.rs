@@ -222,7 +222,7 @@ fn c_computes_what_the_library_does() {
 fn vectors_of_any_length_compute_the_same() {
     let [net, ..] = nets();
     let name = Name::new("net").unwrap();
-    let files = net_to_c(&net, &name, &Origin::of_net(&net, "0", "00")).unwrap();
+    let files = net_to_c(&net, None, &name, &Origin::of_net(&net, "0", "00")).unwrap();
     let inside = Sources::with_included(&files, "net_net.c");
     let whole = Sources::new(&files);
     let (given, expected) = expected(&net);

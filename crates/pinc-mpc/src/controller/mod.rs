@@ -10,6 +10,7 @@ use crate::guard::{Guard, Trust};
 use crate::guess::{Guess, Phase};
 use crate::horizon::Horizon;
 use crate::report::{Planned, StepReport};
+use crate::scenarios::AtNodes;
 use crate::solution::Solution;
 use crate::sqp::{Outcome, PlanState, Sqp, StepInput};
 use crate::{MpcError, NmpcProblem, SqpConfig, SqpStatus};
@@ -90,6 +91,8 @@ pub struct Nmpc {
     pub(crate) start: Vec<f64>,
     next: Vec<f64>,
     pub(crate) guard: Option<Guard>,
+    /// The reference at the nodes of a tree.
+    at_nodes: Option<AtNodes>,
 }
 
 impl Nmpc {
@@ -117,6 +120,7 @@ impl Nmpc {
         let dims = sqp.dims();
         let plan = Solution::new(dims);
         Self {
+            at_nodes: AtNodes::new(&problem, dims),
             parameters: problem.parameters.clone(),
             pending: vec![0.0; problem.delay * dims.nu],
             problem,
@@ -337,7 +341,7 @@ impl Nmpc {
     ) -> Result<StepReport<'_>, MpcError> {
         check_length("x", x, self.dims.nx)?;
         let outputs = self.problem.tracked.len();
-        check_finite("reference", reference, self.dims.horizon * outputs)?;
+        check_finite("reference", reference, self.problem.horizon * outputs)?;
         if !all_finite(x) {
             return Ok(self.hold());
         }
@@ -429,6 +433,7 @@ impl Nmpc {
     }
 
     fn optimize(&mut self, reference: &[f64], expired: &mut dyn FnMut() -> bool) -> Outcome {
+        let reference = self.at_nodes.as_mut().map_or(reference, |nodes| nodes.spread(reference));
         let targets = Targets { reference, previous: &self.previous };
         let input = StepInput { x0: &self.start, targets };
         if self.config.real_time {

@@ -141,6 +141,9 @@ impl Nmpc {
         smoothing: Option<f64>,
     ) -> Result<Sensitivity<'_>, MpcError> {
         let dims = self.sqp.dims();
+        if !dims.tree.is_chain() {
+            return Err(MpcError::ScenarioDerivatives);
+        }
         let outputs = self.problem().tracked.len();
         check_finite("reference", reference, dims.horizon * outputs)?;
         check_finite("u_before", u_before, dims.nu)?;

@@ -7,7 +7,6 @@ use crate::constraint::Constraint;
 use crate::cost::Targets;
 use crate::horizon::Horizon;
 use crate::kkt::KktResidual;
-use crate::memory::Memory;
 use crate::merit::Merit;
 use crate::solution::Solution;
 use crate::stage_cost::StageCost;
@@ -111,17 +110,6 @@ pub(crate) enum PlanState {
     Stepped,
     /// The time was up within a QP: the plan is on the way to its solution.
     Partial,
-}
-
-impl PlanState {
-    const ALL: [Self; 3] = [Self::Evaluated, Self::Stepped, Self::Partial];
-
-    /// Saves or restores it.
-    pub(crate) fn remember(&mut self, memory: &mut Memory<'_>) {
-        let mut place = Self::ALL.iter().position(|state| state == self).unwrap_or_default();
-        memory.count(&mut place, Self::ALL.len() - 1);
-        *self = Self::ALL[place];
-    }
 }
 
 /// A point with its residual and cost.

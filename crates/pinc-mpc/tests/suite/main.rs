@@ -20,6 +20,7 @@ mod optimality;
 mod outputs;
 mod problems;
 mod random;
+mod scenarios;
 mod sensitivity;
 mod stages;
 mod stream;

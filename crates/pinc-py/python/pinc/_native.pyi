@@ -214,7 +214,8 @@ class Nmpc:
         """Goes on from the ``state()`` of another controller of the same config, without a bump."""
     @property
     def predicted_states(self) -> _Array:
-        """The states of the last plan at the ends of the steps ahead, ``(horizon, n)``."""
+        """The states of the last plan at the ends of the steps ahead, ``(horizon, n)``. With
+        ``control.scenarios`` the states of all nodes of the tree, depth by depth."""
     @property
     def planned_inputs(self) -> _Array:
         """The inputs of the last plan, the one chosen first."""

@@ -327,6 +327,7 @@ mod tests {
             equalities,
             outputs,
             feedthrough: 0,
+            tree: crate::Tree::CHAIN,
         };
         let mut qp = Qp::new(dims, vec![0.0], vec![1.0]);
         qp.b[0] = 1.0;

@@ -6,7 +6,7 @@ use crate::algebra::largest;
 use crate::{Qp, QpWork};
 
 /// How many iterations may be taken.
-const ITERATIONS: usize = 60;
+const ITERATIONS: usize = 150;
 
 /// Residuals and products below this, relative to 1 + the largest number involved, count as 0: as
 /// near as the weights, which grow without limit, allow without loss.

@@ -94,7 +94,7 @@ impl Newton {
         for j in 0..dims.horizon {
             let (a, b) = (block(&qp.a, j, n * n), block(&qp.b, j, n * m));
             let (x, lambda) = (block(states, j, n), block(&self.lambda, j, n));
-            let acting = dims.acting(j);
+            let (origin, acting) = (dims.origin(j), dims.input_of(j));
             let defect = block_mut(&mut self.defect, j, n);
             add_scaled(defect, -1.0, x);
             add_product(b, block(inputs, acting, m), defect);
@@ -102,7 +102,7 @@ impl Newton {
             add_product(block(&qp.q, j, n * n), x, slope);
             add_scaled(slope, -1.0, lambda);
             add_transposed(b, lambda, block_mut(by_u, acting, m));
-            if let Some(before) = j.checked_sub(1) {
+            if let Some(before) = origin.checked_sub(1) {
                 add_product(a, block(states, before, n), defect);
                 add_transposed(a, lambda, block_mut(by_x, before, n));
             }
@@ -114,8 +114,8 @@ impl Newton {
             for (k, r) in block(&qp.r, i, m * m).chunks_exact(m).enumerate() {
                 let force: f64 = r.iter().zip(increment).map(|(r, moved)| r * moved).sum();
                 inputs[i * m + k] += force;
-                if i > 0 {
-                    inputs[(i - 1) * m + k] -= force;
+                if let Some(before) = dims.input_before(i) {
+                    inputs[before * m + k] -= force;
                 }
             }
         }
@@ -167,10 +167,9 @@ impl Newton {
         let mut offset = 0.0;
         for j in (0..dims.horizon).rev() {
             let (before, lambda) = states[..(j + 1) * dims.nx].split_at_mut(j * dims.nx);
-            let first = dims.acting(j) * dims.nu;
-            add_transposed(qp.b(j), lambda, &mut inputs[first..first + dims.nu]);
-            if j > 0 {
-                add_transposed(qp.a(j), lambda, &mut before[(j - 1) * dims.nx..]);
+            add_transposed(qp.b(j), lambda, block_mut(inputs, dims.input_of(j), dims.nu));
+            if let Some(state) = dims.state(dims.origin(j)) {
+                add_transposed(qp.a(j), lambda, &mut before[state]);
             }
             offset += dot(lambda, &qp.c[dims.next_state(j)]);
         }

@@ -23,26 +23,31 @@ use std::ops::Range;
 ///        + weights of rows of (dx_j, du_{j-1}) + E_j
 /// ```
 ///
+/// On a tree M and m of a node are sums over the stages that leave it, each with its own F, P, c
+/// and p. A node adds its part to the node before, which is factored when its last child has done
+/// so: at a cost linear in the number of nodes.
+///
 /// Reference: Rao, Wright and Rawlings, "Application of interior-point methods to model predictive
 /// control", J. Optim. Theory Appl. 99 (1998). All memory is allocated at construction.
 #[derive(Clone, Debug)]
 pub(super) struct Riccati {
     dims: OcpDims,
-    /// P of `s_1` .. `s_N`, `[N, n + m, n + m]`.
+    /// P of `s_0` .. `s_N`, `[N + 1, n + m, n + m]`; of a node that has not been reached, the M of
+    /// its children so far.
     p: Vec<f64>,
     /// K, `[Nu, n + m, m]`, column by column.
     gain: Vec<f64>,
     /// G
     pivot: Vec<Cholesky>,
-    /// p of `s_1` .. `s_N`, `[N, n + m]`.
+    /// p of `s_0` .. `s_N`, `[N + 1, n + m]`, likewise.
     linear: Vec<f64>,
     /// `-G^-1 m_u`, `[Nu, m]`.
     forward: Vec<f64>,
     /// P F, then G
     product: Vec<f64>,
-    /// M
+    /// What a stage adds to M where it is not the first to do so.
     merged: Vec<f64>,
-    /// m, and the state of the rollout
+    /// What a stage adds to m, and the state of the rollout.
     vector: Vec<f64>,
     sum: Vec<f64>,
 }
@@ -57,10 +62,10 @@ impl Riccati {
         let s = n + m;
         Self {
             dims,
-            p: vec![0.0; dims.horizon * s * s],
+            p: vec![0.0; (dims.horizon + 1) * s * s],
             gain: vec![0.0; dims.n_controls * s * m],
             pivot: vec![Cholesky::new(m); dims.n_controls],
-            linear: vec![0.0; dims.horizon * s],
+            linear: vec![0.0; (dims.horizon + 1) * s],
             forward: vec![0.0; dims.all_inputs()],
             product: vec![0.0; s * s],
             merged: vec![0.0; s * s],
@@ -88,68 +93,103 @@ impl Riccati {
         (n, m): (usize, usize),
         expired: &mut dyn FnMut() -> bool,
     ) -> bool {
-        let OcpDims { horizon, n_controls, .. } = self.dims;
+        let OcpDims { horizon, n1, .. } = self.dims;
         let s = n + m;
         let unasked = (UNASKED / (4 * s * s * s)).max(1);
         let by_row = RowWeights::new(self.dims, weights);
-        self.merged.fill(0.0);
-        by_row.add_block(qp, self.dims.rows_here(horizon), &mut self.merged);
-        add_cross(qp.s(horizon), self.dims, &mut self.merged);
         let mut next_look = horizon.checked_sub(unasked);
-        for j in (0..horizon).rev() {
+        for j in (0..=horizon).rev() {
             if next_look == Some(j) {
                 if expired() {
                     return false;
                 }
                 next_look = j.checked_sub(unasked);
             }
-            // merged: what the stages before have left, in terms of s_{j+1}
+            if !self.minimize(qp, &by_row, j, (n, m)) {
+                return false;
+            }
+            let Some(stage) = j.checked_sub(1) else { break };
             let p = &mut self.p[j * s * s..(j + 1) * s * s];
-            p.copy_from_slice(&self.merged);
-            let state_weights = &by_row.bounds[self.dims.next_state(j)];
-            for (c, q) in block(&qp.q, j, n * n).chunks_exact(n).enumerate() {
+            let state_weights = &by_row.bounds[self.dims.next_state(stage)];
+            for (c, q) in block(&qp.q, stage, n * n).chunks_exact(n).enumerate() {
                 add_scaled(&mut p[c * s..c * s + n], 1.0, q);
                 p[c * s + c] += state_weights[c];
             }
-            if j + 1 >= self.dims.n1 {
-                by_row.add_block(qp, self.dims.rows_at_end(j + 1), p);
+            if j >= n1 {
+                by_row.add_block(qp, self.dims.rows_at_end(j), p);
             }
-            add_cross(qp.s_before(j + 1), self.dims, p);
+            add_cross(qp.s_before(j), self.dims, p);
             symmetrize(p, s);
-            let model = (block(&qp.a, j, n * n), block(&qp.b, j, n * m));
-            merge(p, model, (n, m), &mut self.product, &mut self.merged);
-            if j >= self.dims.n1 {
-                by_row.add_block(qp, self.dims.rows_here(j), &mut self.merged);
-            }
-            if j + 1 >= self.dims.n1 {
-                by_row.add_block(qp, self.dims.rows_at_start(j + 1), &mut self.merged);
-            }
-            if j > 0 {
-                add_cross(qp.s(j), self.dims, &mut self.merged);
-            }
-            if j < n_controls {
-                for (k, t) in qp.t(j).into_iter().flat_map(|t| t.chunks_exact(m)).enumerate() {
-                    add_scaled(&mut self.merged[(n + k) * s + n..(n + k + 1) * s], 1.0, t);
-                }
-                for (k, weight) in by_row.bounds[self.dims.input(j)].iter().enumerate() {
-                    self.merged[(n + k) * (s + 1)] += weight;
-                }
-                let r = block(&qp.r, j, m * m);
-                if !self.eliminate(j, r, &by_row.increments[j * m..], (n, m)) {
-                    return false;
-                }
-            }
+            self.hand_on(qp, stage, (n, m));
         }
         true
     }
 
-    /// Minimizes over the increment of stage `j`.
+    /// Adds the cost of a stage with all that follows to the M of the node that it leads from.
+    #[inline(always)]
+    fn hand_on(&mut self, qp: &Qp, stage: usize, (n, m): (usize, usize)) {
+        let s = n + m;
+        let origin = self.dims.origin(stage);
+        let (before, p) = self.p.split_at_mut((stage + 1) * s * s);
+        let (p, target) = (&p[..s * s], block_mut(before, origin, s * s));
+        let model = (block(&qp.a, stage, n * n), block(&qp.b, stage, n * m));
+        if stage + 1 == self.dims.stages_from(origin).end {
+            // The first in the order of the recursion.
+            merge(p, model, (n, m), &mut self.product, target);
+        } else {
+            merge(p, model, (n, m), &mut self.product, &mut self.merged);
+            add_scaled(target, 1.0, &self.merged);
+        }
+    }
+
+    /// Completes M of node `j` in its place, and minimizes over the increment if the node has an
+    /// input of its own; `false` if there is no minimum.
+    #[inline(always)]
+    fn minimize(
+        &mut self,
+        qp: &Qp,
+        by_row: &RowWeights<'_>,
+        j: usize,
+        (n, m): (usize, usize),
+    ) -> bool {
+        let dims = self.dims;
+        let s = n + m;
+        let stages = dims.stages_from(j);
+        let merged = block_mut(&mut self.p, j, s * s);
+        if stages.is_empty() {
+            merged.fill(0.0);
+        }
+        if j >= dims.n1 {
+            by_row.add_block(qp, dims.rows_here(j), merged);
+        }
+        for stage in stages {
+            if stage + 1 >= dims.n1 {
+                by_row.add_block(qp, dims.rows_at_start(stage + 1), merged);
+            }
+        }
+        if j > 0 {
+            add_cross(qp.s(j), dims, merged);
+        }
+        if j >= dims.n_controls {
+            return true;
+        }
+        for (k, t) in qp.t(j).into_iter().flat_map(|t| t.chunks_exact(m)).enumerate() {
+            add_scaled(&mut merged[(n + k) * s + n..(n + k + 1) * s], 1.0, t);
+        }
+        for (k, weight) in by_row.bounds[dims.input(j)].iter().enumerate() {
+            merged[(n + k) * (s + 1)] += weight;
+        }
+        self.eliminate(j, block(&qp.r, j, m * m), &by_row.increments[j * m..], (n, m))
+    }
+
+    /// Minimizes over the increment of node `j`.
     #[inline(always)]
     fn eliminate(&mut self, j: usize, r: &[f64], weights: &[f64], (n, m): (usize, usize)) -> bool {
         let s = n + m;
+        let merged = block_mut(&mut self.p, j, s * s);
         let pivot = &mut self.product[..m * m];
         for (k, column) in pivot.chunks_exact_mut(m).enumerate() {
-            column.copy_from_slice(&self.merged[(n + k) * s + n..(n + k + 1) * s]);
+            column.copy_from_slice(&merged[(n + k) * s + n..(n + k + 1) * s]);
             add_scaled(column, 1.0, &r[k * m..]);
             column[k] += weights[k];
         }
@@ -157,12 +197,12 @@ impl Riccati {
             return false;
         }
         let gain = &mut self.gain[j * s * m..(j + 1) * s * m];
-        for (gain, column) in gain.chunks_exact_mut(m).zip(self.merged.chunks_exact(s)) {
+        for (gain, column) in gain.chunks_exact_mut(m).zip(merged.chunks_exact(s)) {
             gain.copy_from_slice(&column[n..]);
             self.pivot[j].forward_sized(gain, m);
         }
         // M_u:' G^-1 M_u: from the half-solved factors, so that it is symmetric.
-        for (c, column) in self.merged.chunks_exact_mut(s).enumerate() {
+        for (c, column) in merged.chunks_exact_mut(s).enumerate() {
             for (r, entry) in column.iter_mut().enumerate() {
                 for k in 0..m {
                     *entry -= gain[r * m + k] * gain[c * m + k];
@@ -191,37 +231,47 @@ impl Riccati {
 
     #[inline(always)]
     fn backward(&mut self, qp: &Qp, g: &[f64], c: &[f64], (n, m): (usize, usize)) {
-        let OcpDims { horizon, n_controls, .. } = self.dims;
+        let dims = self.dims;
         let s = n + m;
-        let (by_x, by_u) = g.split_at(self.dims.all_states());
-        self.vector.fill(0.0);
-        for j in (0..horizon).rev() {
-            let (vector, sum) = (&mut self.vector[..s], &mut self.sum[..s]);
-            let linear = block_mut(&mut self.linear, j, s);
-            linear.copy_from_slice(vector);
-            add_scaled(linear, 1.0, block(by_x, j, n));
-            sum.copy_from_slice(linear);
-            let p = block(&self.p, j, s * s).chunks_exact(s);
-            for (c, column) in block(c, j, n).iter().zip(p) {
-                add_scaled(sum, *c, column);
+        let (by_x, by_u) = g.split_at(dims.all_states());
+        for j in (0..=dims.horizon).rev() {
+            let (before, linear) = self.linear.split_at_mut(j * s);
+            let linear = &mut linear[..s];
+            if dims.stages_from(j).is_empty() {
+                linear.fill(0.0);
             }
-            let (x, u) = vector.split_at_mut(n);
-            x.fill(0.0);
-            u.copy_from_slice(&sum[n..]);
-            add_transposed(block(&qp.a, j, n * n), &sum[..n], x);
-            add_transposed(block(&qp.b, j, n * m), &sum[..n], u);
-            if j < n_controls {
-                add_scaled(u, 1.0, block(by_u, j, m));
+            if j < dims.n_controls {
+                add_scaled(&mut linear[n..], 1.0, block(by_u, j, m));
                 let gain = block(&self.gain, j, s * m).chunks_exact(m);
                 let forward = block_mut(&mut self.forward, j, m);
-                forward.copy_from_slice(u);
-                for (entry, gain) in vector.iter_mut().zip(gain) {
+                forward.copy_from_slice(&linear[n..]);
+                for (entry, gain) in linear.iter_mut().zip(gain) {
                     for (gain, forward) in gain.iter().zip(forward.iter()) {
                         *entry -= gain * forward;
                     }
                 }
                 self.pivot[j].forward_sized(forward, m);
                 self.pivot[j].backward_sized(forward, m);
+            }
+            let Some(stage) = j.checked_sub(1) else { break };
+            add_scaled(linear, 1.0, block(by_x, stage, n));
+            let sum = &mut self.sum[..s];
+            sum.copy_from_slice(linear);
+            let p = block(&self.p, j, s * s).chunks_exact(s);
+            for (c, column) in block(c, stage, n).iter().zip(p) {
+                add_scaled(sum, *c, column);
+            }
+            let origin = dims.origin(stage);
+            let target = block_mut(before, origin, s);
+            let first = stage + 1 == dims.stages_from(origin).end;
+            let part = if first { &mut *target } else { &mut self.vector[..s] };
+            let (x, u) = part.split_at_mut(n);
+            x.fill(0.0);
+            u.copy_from_slice(&sum[n..]);
+            add_transposed(block(&qp.a, stage, n * n), &sum[..n], x);
+            add_transposed(block(&qp.b, stage, n * m), &sum[..n], u);
+            if !first {
+                add_scaled(target, 1.0, &self.vector);
             }
         }
     }
@@ -235,36 +285,40 @@ impl Riccati {
         lambda: &mut [f64],
         (n, m): (usize, usize),
     ) {
-        let OcpDims { horizon, n_controls, .. } = self.dims;
+        let dims = self.dims;
         let s = n + m;
-        let (states, inputs) = d.split_at_mut(self.dims.all_states());
-        // s_j = (dx_j, du_{j-1})
-        self.vector.fill(0.0);
-        for j in 0..horizon {
-            let (vector, sum) = (&mut self.vector[..s], &mut self.sum[..s]);
-            if j < n_controls {
-                sum.copy_from_slice(vector);
-                let u = &mut vector[n..];
+        let (states, inputs) = d.split_at_mut(dims.all_states());
+        for j in 0..=dims.horizon {
+            // s_j = (dx_j, du_{j-1})
+            let vector = &mut self.vector[..s];
+            if let Some(stage) = j.checked_sub(1) {
+                let (origin, acting) = (dims.origin(stage), dims.input_of(stage));
+                let (x, u) = vector.split_at_mut(n);
+                u.copy_from_slice(block(inputs, acting, m));
+                x.copy_from_slice(block(c, stage, n));
+                if let Some(before) = origin.checked_sub(1) {
+                    add_product(block(&qp.a, stage, n * n), block(states, before, n), x);
+                }
+                add_product(block(&qp.b, stage, n * m), u, x);
+                block_mut(states, stage, n).copy_from_slice(x);
+
+                let lambda = block_mut(lambda, stage, n);
+                lambda.copy_from_slice(&block(&self.linear, j, s)[..n]);
+                let p = block(&self.p, j, s * s).chunks_exact(s);
+                for (entry, column) in vector.iter().zip(p) {
+                    add_scaled(lambda, *entry, column);
+                }
+            } else {
+                vector.fill(0.0);
+            }
+            if j < dims.n_controls {
+                let u = block_mut(inputs, j, m);
+                u.copy_from_slice(&vector[n..]);
                 add_scaled(u, -1.0, block(&self.forward, j, m));
                 let gain = block(&self.gain, j, s * m).chunks_exact(m);
-                for (entry, gain) in sum.iter().zip(gain) {
+                for (entry, gain) in vector.iter().zip(gain) {
                     add_scaled(u, -*entry, gain);
                 }
-                block_mut(inputs, j, m).copy_from_slice(u);
-            }
-            let (x, u) = vector.split_at_mut(n);
-            let next = &mut sum[..n];
-            next.copy_from_slice(block(c, j, n));
-            add_product(block(&qp.a, j, n * n), x, next);
-            add_product(block(&qp.b, j, n * m), u, next);
-            x.copy_from_slice(next);
-            block_mut(states, j, n).copy_from_slice(x);
-
-            let lambda = block_mut(lambda, j, n);
-            lambda.copy_from_slice(&block(&self.linear, j, s)[..n]);
-            let p = block(&self.p, j, s * s).chunks_exact(s);
-            for (entry, column) in vector.iter().zip(p) {
-                add_scaled(lambda, *entry, column);
             }
         }
     }

@@ -37,8 +37,14 @@ impl Rows {
         bounds.copy_from_slice(d);
         let inputs = &d[dims.all_states()..];
         increments.copy_from_slice(inputs);
-        for (increment, before) in increments[m..].iter_mut().zip(inputs) {
-            *increment -= before;
+        if dims.tree.is_chain() {
+            for (increment, before) in increments[m..].iter_mut().zip(inputs) {
+                *increment -= before;
+            }
+        } else {
+            for (v, increment) in increments.iter_mut().enumerate().skip(m) {
+                *increment -= dims.entry_before(v).map_or(0.0, |before| inputs[before]);
+            }
         }
         for RowBlock { rows, state, input } in dims.all_row_blocks() {
             let u = &d[dims.input(input)];
@@ -67,8 +73,14 @@ impl Rows {
         for (sum, factor) in inputs.iter_mut().zip(increments) {
             *sum += factor;
         }
-        for (sum, factor) in inputs.iter_mut().zip(&increments[m..]) {
-            *sum -= factor;
+        if dims.tree.is_chain() {
+            for (sum, factor) in inputs.iter_mut().zip(&increments[m..]) {
+                *sum -= factor;
+            }
+        } else {
+            for (v, factor) in increments.iter().enumerate().skip(m) {
+                dims.entry_before(v).into_iter().for_each(|before| inputs[before] -= factor);
+            }
         }
         for RowBlock { rows, state, input } in dims.all_row_blocks() {
             let (state, input) = (dims.state(state), dims.input(input));

@@ -74,6 +74,7 @@ fn pair([low, high]: [[f64; 2]; 2]) -> Qp {
         equalities,
         outputs,
         feedthrough: 0,
+        tree: crate::Tree::CHAIN,
     };
     let mut qp = Qp::new(dims, vec![1.0], vec![1.0]);
     qp.b[0] = 1.0;

@@ -19,6 +19,7 @@ pub(crate) fn program() -> Qp {
         equalities: 0,
         outputs: 0,
         feedthrough: 0,
+        tree: crate::Tree::CHAIN,
     };
     let mut qp = Qp::new(dims, [1.0, 0.0, 0.0, 1.0].repeat(horizon), vec![0.1; n_controls]);
     qp.a = [0.9, 0.3, -0.3, 0.9].repeat(horizon);

@@ -9,7 +9,7 @@ use super::{ChosenQp, OcpDims, Qp, QpError, QpMethod, QpSolver, QpStatus, QpStep
 pub(super) mod endings;
 mod programs;
 
-use programs::{counted, coupled, programs, stage_costs};
+use programs::{counted, coupled, programs, stage_costs, trees};
 use proptest::collection::vec;
 use proptest::prelude::*;
 
@@ -34,7 +34,7 @@ impl Dense {
             let mut row = zero.clone();
             row[dims.all_states() + i] = 1.0;
             if i >= m {
-                row[dims.all_states() + i - m] = -1.0;
+                row[dims.all_states() + dims.origin(i / m - 1) * m + i % m] = -1.0;
             }
             rows.push((row, limits));
         }
@@ -43,17 +43,18 @@ impl Dense {
             // In the end, rows of outputs at the end and at the start of the interval before.
             let ends = dims.rows() - 2 * dims.feedthrough;
             let starts = ends + dims.feedthrough;
+            let before = dims.origin(j - 1);
             let (state, input) = match at {
                 at if at < ends => (j, j),
-                at if at < starts => (j, j - 1),
-                _ => (j - 1, j - 1),
+                at if at < starts => (j, before),
+                _ => (before, before),
             };
             let mut row = zero.clone();
             if state > 0 {
                 let columns = (state - 1) * n..state * n;
                 row[columns].copy_from_slice(&qp.rows_x[i * n..(i + 1) * n]);
             }
-            let u = dims.all_states() + input.min(dims.n_controls - 1) * m;
+            let u = dims.all_states() + held(dims, input) * m;
             row[u..u + m].copy_from_slice(&qp.rows_u[i * m..(i + 1) * m]);
             rows.push((row, limits));
         }
@@ -62,16 +63,26 @@ impl Dense {
             for k in 0..n {
                 let mut row = zero.clone();
                 row[j * n + k] = -1.0;
-                if j > 0 {
-                    row[(j - 1) * n..j * n].copy_from_slice(&qp.a(j)[k * n..(k + 1) * n]);
+                let origin = dims.origin(j);
+                if origin > 0 {
+                    let columns = (origin - 1) * n..origin * n;
+                    row[columns].copy_from_slice(&qp.a(j)[k * n..(k + 1) * n]);
                 }
-                let u = dims.all_states() + j.min(dims.n_controls - 1) * m;
+                let u = dims.all_states() + held(dims, origin) * m;
                 row[u..u + m].copy_from_slice(&qp.b(j)[k * m..(k + 1) * m]);
                 dynamics.push((row, qp.c[j * n + k]));
             }
         }
         Self { rows, dynamics }
     }
+}
+
+/// The node whose input acts at `node`: the last one towards the root that has one.
+fn held(dims: OcpDims, mut node: usize) -> usize {
+    while node >= dims.n_controls {
+        node = dims.origin(node - 1);
+    }
+    node
 }
 
 fn dot(a: &[f64], b: &[f64]) -> f64 {
@@ -90,20 +101,22 @@ fn slope(qp: &Qp, d: &[f64]) -> Vec<f64> {
     }
     let u = |i: usize, k: usize| d[dims.all_states() + i * m + k];
     for i in 0..dims.n_controls {
-        let moved = |k| if i == 0 { u(0, k) } else { u(i, k) - u(i - 1, k) };
+        let before = i.checked_sub(1).map(|stage| dims.origin(stage));
+        let moved = |k| u(i, k) - before.map_or(0.0, |before| u(before, k));
         let moved: Vec<f64> = (0..m).map(moved).collect();
         for k in 0..m {
             let force = dot(&qp.r(i)[k * m..(k + 1) * m], &moved);
             slope[dims.all_states() + i * m + k] += force;
-            if i > 0 {
-                slope[dims.all_states() + (i - 1) * m + k] -= force;
+            if let Some(before) = before {
+                slope[dims.all_states() + before * m + k] -= force;
             }
         }
     }
     for j in 1..=dims.horizon {
         let x = (j - 1) * n;
-        for (i, s) in [(j, &qp.s), (j - 1, &qp.s_before)].into_iter().filter(|s| !s.1.is_empty()) {
-            let i = i.min(dims.n_controls - 1);
+        let products = [(j, &qp.s), (dims.origin(j - 1), &qp.s_before)];
+        for (i, s) in products.into_iter().filter(|s| !s.1.is_empty()) {
+            let i = held(dims, i);
             for (k, row) in s[x * m..(x + n) * m].chunks_exact(n).enumerate() {
                 slope[dims.all_states() + i * m + k] += dot(row, &d[x..x + n]);
                 for (l, entry) in row.iter().enumerate() {
@@ -350,6 +363,34 @@ proptest! {
 }
 
 proptest! {
+    #![proptest_config(ProptestConfig { max_global_rejects: 20, ..cases(300) })]
+
+    /// Programs on trees, by their conditions of optimality, from any guess; and the same inputs as
+    /// by Clarabel.
+    #[test]
+    fn trees_are_solved_stage_by_stage(
+        qp in prop_oneof![trees(false), trees(true)],
+        signs in vec(-1..=1_i8, 60),
+    ) {
+        let cold = QpStep::new(qp.dims);
+        let mut arbitrary = cold.clone();
+        let multipliers = arbitrary.multipliers.parts_mut().into_iter().skip(1).flatten();
+        multipliers.zip(signs.iter().cycle()).for_each(|(mu, sign)| *mu = f64::from(*sign));
+        let mut riccati = RiccatiQp::new(&qp);
+        let exact = solve(&mut riccati, &qp, &cold, SHARP)?;
+        same_inputs(&qp, &exact, &solve(&mut riccati, &qp, &arbitrary, SHARP)?, APART)?;
+        same_inputs(&qp, &exact, &solve(&mut riccati, &qp, &exact, SHARP)?, APART)?;
+        general_agrees(&qp, &exact)?;
+        let refused = ChosenQp::new(&qp, QpMethod::Condensed).unwrap_err();
+        prop_assert_eq!(refused, QpError::CondensedTree);
+        let mut step = cold;
+        let mut chosen = ChosenQp::new(&qp, QpMethod::Auto).unwrap();
+        prop_assert_eq!(chosen.solve(&qp, &mut step, &mut || false), QpStatus::Solved);
+        same_inputs(&qp, &exact, &step, APART)?;
+    }
+}
+
+proptest! {
     // The stage-wise method gives up one or two in a hundred.
     #![proptest_config(ProptestConfig { max_global_rejects: 75, ..cases(1500) })]
 
@@ -399,6 +440,7 @@ fn long_horizons_of_unstable_plants_are_solved_stage_by_stage() {
         equalities: 0,
         outputs: 0,
         feedthrough: 0,
+        tree: crate::Tree::CHAIN,
     };
     let weight = [2.0, 0.0, 0.0, 2.0].repeat(dims.horizon);
     let mut qp = Qp::new(dims, weight, vec![2.0; dims.n_controls]);

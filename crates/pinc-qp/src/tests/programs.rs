@@ -1,7 +1,7 @@
 //! Random programs.
 
 use super::{Dense, dot};
-use crate::{Limits, OcpDims, Qp};
+use crate::{Limits, OcpDims, Qp, Tree};
 use proptest::collection::vec;
 use proptest::prelude::*;
 
@@ -18,6 +18,7 @@ fn shapes() -> impl Strategy<Value = OcpDims> {
                 equalities: equalities.min(inputs - 1),
                 outputs: 0,
                 feedthrough,
+                tree: Tree::CHAIN,
             })
         },
     )
@@ -48,45 +49,70 @@ fn spread(limits: &mut Limits, i: usize, value: f64, (kind, width, penalty): Spr
 /// Programs with a feasible point, about which the limits lie. Where `coarse`, most numbers are
 /// quarters.
 pub(super) fn programs(coarse: bool) -> impl Strategy<Value = Qp> {
-    shapes().prop_flat_map(move |dims| {
-        let (n, m) = (dims.nx, dims.nu);
-        let number = if coarse {
-            (-8..=8_i32).prop_map(|quarter| f64::from(quarter) / 4.0).boxed()
-        } else {
-            (-2.0..2.0_f64).boxed()
-        };
-        let numbers = move |count: usize| vec(number.clone(), count);
-        let matrices = (
-            numbers(dims.horizon * n * n),
-            numbers(dims.horizon * n * m),
-            numbers(dims.all_states()),
-            numbers(dims.all_rows() * n),
-            numbers(dims.all_rows() * m),
-            numbers(dims.horizon * n * n),
-            numbers(dims.n_controls * m * m),
-        );
-        let rows = dims.unknowns() + dims.all_inputs() + dims.all_rows();
-        let rest = (numbers(dims.unknowns()), numbers(dims.all_inputs()), spreads(rows));
-        (matrices, rest).prop_map(move |((a, b, c, rows_x, rows_u, q, r), (g, middle, spreads))| {
-            let squares = |factors: &[f64], size: usize, least: f64| -> Vec<f64> {
-                let blocks = factors.chunks_exact(size * size);
-                let entry = |f: &[f64], i: usize, k: usize| {
-                    let product = dot(&f[i * size..(i + 1) * size], &f[k * size..(k + 1) * size]);
-                    product + if i == k { least } else { 0.0 }
-                };
-                let square = |f: &[f64]| -> Vec<f64> {
-                    let f = f.to_vec();
-                    (0..size * size).map(|at| entry(&f, at / size, at % size)).collect()
-                };
-                blocks.flat_map(square).collect()
+    shapes().prop_flat_map(move |dims| programs_of(dims, coarse))
+}
+
+/// Trees of two or three branches, over one or two depths.
+fn tree_shapes() -> impl Strategy<Value = OcpDims> {
+    (shapes(), 2..=3_usize, 1..=2_usize, 1..=3_usize, 0..=2_usize, 0..=2_usize).prop_map(
+        |(dims, branches, depths, free, held, first)| {
+            let tree = Tree::new(branches, depths).unwrap();
+            let control = depths + free;
+            OcpDims {
+                tree,
+                horizon: tree.first_node(control + held + 1) - 1,
+                n_controls: tree.first_node(control),
+                n1: tree.first_node(1 + first.min(control + held - 1)),
+                ..dims
+            }
+        },
+    )
+}
+
+/// Programs on trees; half of them with S and T, and half of these with E.
+pub(super) fn trees(coarse: bool) -> BoxedStrategy<Qp> {
+    let plain = tree_shapes().prop_flat_map(move |dims| programs_of(dims, coarse)).boxed();
+    prop_oneof![plain.clone(), with_stage_costs(plain)].boxed()
+}
+
+fn programs_of(dims: OcpDims, coarse: bool) -> impl Strategy<Value = Qp> {
+    let (n, m) = (dims.nx, dims.nu);
+    let number = if coarse {
+        (-8..=8_i32).prop_map(|quarter| f64::from(quarter) / 4.0).boxed()
+    } else {
+        (-2.0..2.0_f64).boxed()
+    };
+    let numbers = move |count: usize| vec(number.clone(), count);
+    let matrices = (
+        numbers(dims.horizon * n * n),
+        numbers(dims.horizon * n * m),
+        numbers(dims.all_states()),
+        numbers(dims.all_rows() * n),
+        numbers(dims.all_rows() * m),
+        numbers(dims.horizon * n * n),
+        numbers(dims.n_controls * m * m),
+    );
+    let rows = dims.unknowns() + dims.all_inputs() + dims.all_rows();
+    let rest = (numbers(dims.unknowns()), numbers(dims.all_inputs()), spreads(rows));
+    (matrices, rest).prop_map(move |((a, b, c, rows_x, rows_u, q, r), (g, middle, spreads))| {
+        let squares = |factors: &[f64], size: usize, least: f64| -> Vec<f64> {
+            let blocks = factors.chunks_exact(size * size);
+            let entry = |f: &[f64], i: usize, k: usize| {
+                let product = dot(&f[i * size..(i + 1) * size], &f[k * size..(k + 1) * size]);
+                product + if i == k { least } else { 0.0 }
             };
-            let mut qp = Qp::new(dims, squares(&q, n, 0.0), squares(&r, m, 0.5));
-            qp.a = a.iter().map(|a| a / 2.0).collect();
-            (qp.b, qp.c, qp.rows_x, qp.rows_u) = (b, c, rows_x, rows_u);
-            qp.gradient = g.iter().map(|g| 4.0 * g).collect();
-            set_limits(&mut qp, &middle, &spreads);
-            qp
-        })
+            let square = |f: &[f64]| -> Vec<f64> {
+                let f = f.to_vec();
+                (0..size * size).map(|at| entry(&f, at / size, at % size)).collect()
+            };
+            blocks.flat_map(square).collect()
+        };
+        let mut qp = Qp::new(dims, squares(&q, n, 0.0), squares(&r, m, 0.5));
+        qp.a = a.iter().map(|a| a / 2.0).collect();
+        (qp.b, qp.c, qp.rows_x, qp.rows_u) = (b, c, rows_x, rows_u);
+        qp.gradient = g.iter().map(|g| 4.0 * g).collect();
+        set_limits(&mut qp, &middle, &spreads);
+        qp
     })
 }
 
@@ -98,8 +124,10 @@ fn set_limits(qp: &mut Qp, middle: &[f64], spreads: &[Spread]) {
     d[dims.all_states()..].copy_from_slice(middle);
     for j in 0..dims.horizon {
         for k in 0..n {
-            let before = if j > 0 { d[(j - 1) * n..j * n].to_vec() } else { vec![0.0; n] };
-            let u = dims.all_states() + dims.acting(j) * m;
+            let origin = dims.origin(j);
+            let state = origin.checked_sub(1).map(|before| before * n..(before + 1) * n);
+            let before = state.map_or(vec![0.0; n], |state| d[state].to_vec());
+            let u = dims.all_states() + dims.acting(origin) * m;
             d[j * n + k] = qp.c[j * n + k]
                 + dot(&qp.a(j)[k * n..(k + 1) * n], &before)
                 + dot(&qp.b(j)[k * m..(k + 1) * m], &d[u..u + m]);
@@ -182,7 +210,11 @@ fn squares(factors: &[f64], size: usize) -> Vec<Vec<f64>> {
 /// Programs with S and T: a positive semidefinite square of (x, u) at each stage. Half of them have
 /// E too: another square of each state and the input before.
 pub(super) fn stage_costs(coarse: bool) -> impl Strategy<Value = Qp> {
-    (programs(coarse), any::<bool>()).prop_flat_map(|(qp, ends)| {
+    with_stage_costs(programs(coarse))
+}
+
+fn with_stage_costs(plain: impl Strategy<Value = Qp>) -> impl Strategy<Value = Qp> {
+    (plain, any::<bool>()).prop_flat_map(|(qp, ends)| {
         let OcpDims { nx, nu, horizon, .. } = qp.dims;
         let width = nx + nu;
         let count = if ends { 2 * horizon } else { horizon };
@@ -191,7 +223,8 @@ pub(super) fn stage_costs(coarse: bool) -> impl Strategy<Value = Qp> {
                 if ends { qp.clone().with_end_cost() } else { qp.clone().with_stage_cost() };
             for (at, square) in squares(&factors, width).iter().enumerate() {
                 let (j, before) = (at % horizon, at / horizon);
-                let acting = qp.dims.acting(j + 1 - before);
+                let node = if before > 0 { qp.dims.origin(j) } else { j + 1 };
+                let acting = qp.dims.acting(node);
                 let s = if before > 0 { &mut qp.s_before } else { &mut qp.s };
                 for (row, line) in square.chunks_exact(width).enumerate() {
                     let (by_x, by_u) = line.split_at(nx);

@@ -225,6 +225,8 @@ const OFFSET: [&str; 3] = [
     "control.estimator.disturbance_initial_sd=[0.3]",
 ];
 
+const SCENARIOS: &str = "control.scenarios.values={ k = [1.0, 1.4, 0.6] }";
+
 const MHE: [&str; 2] = ["control.estimator.kind=mhe", "control.estimator.window=4"];
 
 /// Every key, with values that differ from the base's, and what it is about. Groups of values that
@@ -275,6 +277,17 @@ fn keys() -> Vec<(&'static str, Vec<&'static str>, About)> {
                 "control.measured_parameters=[\"k\"]",
                 "control.plant_schedule=[{ start_s = 1.0, values = { k = 1.4 } }]",
             ],
+            Controller,
+        ),
+        ("scenarios.values", vec![SCENARIOS], Controller),
+        (
+            "scenarios.robust_horizon",
+            vec![SCENARIOS, "control.scenarios.robust_horizon=2"],
+            Controller,
+        ),
+        (
+            "scenarios.weights",
+            vec![SCENARIOS, "control.scenarios.weights=[1.0, 5.0, 1.0]"],
             Controller,
         ),
         (
@@ -404,7 +417,7 @@ fn every_key_is_looked_at() {
         known(table, sets).into_iter().map(name).collect::<BTreeSet<_>>()
     };
     let mut expected = of("control", &[]);
-    for inner in ["measurement", "estimator", "sqp"] {
+    for inner in ["measurement", "estimator", "scenarios", "sqp"] {
         assert!(expected.remove(inner), "{inner}");
         expected.extend(of(&format!("control.{inner}"), &ESTIMATOR));
     }

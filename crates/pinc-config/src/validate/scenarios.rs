@@ -1,0 +1,93 @@
+//! Checks of `[control.scenarios]`.
+
+use super::values::{length, positive, value};
+use super::{Checked, Problem};
+use crate::problem::nearest;
+use crate::{ControlSpec, Experiment, ModelKind, OnError, ScenarioSpec};
+use pinc_mpc::QpMethod;
+
+const SECTION: &str = "control.scenarios";
+
+/// The most nodes that a tree may have: about so many points are linearized in each iteration.
+const NODES: usize = 100_000;
+
+pub(super) fn scenarios(experiment: &Experiment, control: &ControlSpec) -> Checked {
+    let Some(spec) = &control.scenarios else { return Ok(()) };
+    values(experiment, control, spec)?;
+    tree(control, spec)?;
+    let told = |name: &String| spec.values.contains_key(name);
+    let scheduled = control.parameter_schedule.iter().any(|of| of.values.keys().any(told));
+    for (other, is_there) in [
+        ("control.stages_s", control.stages_s.is_some()),
+        ("control.input_differences", !control.input_differences.is_empty()),
+        ("[control.cost]", control.cost.is_some()),
+        ("control.first_plan", control.first_plan.is_some()),
+        ("control.bound_schedule", !control.bound_schedule.is_empty()),
+        ("control.parameter_preview", control.parameter_preview),
+        ("[control.estimator]", control.estimator.is_some()),
+        ("on_error = \"correct\"", control.on_error == OnError::Correct),
+        ("sqp.qp = \"condensed\"", control.sqp.qp == QpMethod::Condensed),
+        ("the same parameter measured", control.measured_parameters.iter().any(told)),
+        ("the same parameter in control.parameter_schedule", scheduled),
+    ] {
+        if is_there {
+            return value(SECTION, "a table", &format!("no such table with {other}"));
+        }
+    }
+    Ok(())
+}
+
+/// The parameters and their values.
+fn values(experiment: &Experiment, control: &ControlSpec, spec: &ScenarioSpec) -> Checked {
+    let known: Vec<String> = experiment.plant.parameters().into_keys().collect();
+    if spec.values.is_empty() {
+        let expected = "lists of values of one or more parameters";
+        return value(&format!("{SECTION}.values"), "{}", expected);
+    }
+    for (name, values) in &spec.values {
+        let key = format!("{SECTION}.values.{name}");
+        if known.is_empty() {
+            let expected = "no such key: the plant has no parameters that can vary";
+            return value(&key, format!("{values:?}"), expected);
+        }
+        if !known.contains(name) {
+            let nearest = nearest(name, &known);
+            return Err((key, Problem::Word { found: name.clone(), known, nearest }));
+        }
+        if values.is_empty() || values.iter().any(|value| !value.is_finite()) {
+            return value(&key, format!("{values:?}"), "one or more finite numbers");
+        }
+        let of_the_net = experiment.varying().contains(&name.as_str());
+        if control.models.contains(&ModelKind::Pinc) && !of_the_net {
+            let expected = "one of domain.parameters, with the model \"pinc\": the net is of these";
+            return value(&key, format!("{values:?}"), expected);
+        }
+    }
+    Ok(())
+}
+
+/// The sizes of the tree.
+fn tree(control: &ControlSpec, spec: &ScenarioSpec) -> Checked {
+    let branches = spec.branches().unwrap_or(usize::MAX);
+    if let Some(weights) = &spec.weights {
+        let key = format!("{SECTION}.weights");
+        length(&key, weights, branches, "combination of values")?;
+        for (i, &weight) in weights.iter().enumerate() {
+            positive(&format!("{key}[{i}]"), weight)?;
+        }
+    }
+    let key = format!("{SECTION}.robust_horizon");
+    let horizon = spec.robust_horizon;
+    if horizon == 0 || branches > 1 && horizon >= control.nu {
+        let expected = format!("from 1 to less than the control horizon `nu`, {}", control.nu);
+        return value(&key, horizon, &expected);
+    }
+    let paths = (0..horizon).try_fold(1_usize, |paths, _| paths.checked_mul(branches));
+    let nodes = paths.and_then(|paths| paths.checked_mul(control.n2)).unwrap_or(usize::MAX);
+    if nodes > NODES {
+        let found = format!("{horizon}, with {branches} combinations of values");
+        let expected = format!("at most {NODES} nodes: combinations^robust_horizon times `n2`");
+        return value(&key, found, &expected);
+    }
+    Ok(())
+}
