@@ -20,6 +20,7 @@ mod outputs;
 mod problems;
 mod random;
 mod sensitivity;
+mod sensitivity_formulas;
 mod stages;
 mod stream;
 mod support;
