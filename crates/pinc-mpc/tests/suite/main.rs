@@ -22,6 +22,7 @@ mod problems;
 mod random;
 mod scenarios;
 mod sensitivity;
+mod sensitivity_formulas;
 mod stages;
 mod stream;
 mod support;

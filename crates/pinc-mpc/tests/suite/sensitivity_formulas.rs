@@ -1,0 +1,97 @@
+//! Derivatives of plans against formulas, and points without derivatives.
+
+use crate::support::Linear;
+use pinc_mpc::{Bounds, Given, Nmpc, NmpcProblem, Regularity, SqpConfig, Weights};
+use pinc_ode::Dims;
+
+/// min q (a x + b u - r)^2 + rho (u - v)^2 has u = (q b (r - a x) + rho v) / (q b^2 + rho).
+#[test]
+fn a_step_of_a_linear_plant_has_the_derivatives_of_the_formula() {
+    let [a, b, q, rho, x, r, v] = [0.9, 0.5, 3.0, 2.0, 0.7, 0.4, -0.2];
+    let problem = NmpcProblem::new(Dims::new(1, 1), 1, Weights::uniform(vec![q], vec![rho]));
+    let mut nmpc =
+        Nmpc::new(problem, Box::new(Linear::scalar(a, b)), SqpConfig::default()).unwrap();
+    nmpc.reset_to(&[x], &[v]).unwrap();
+    nmpc.step(&[x], &[r]).unwrap();
+    let mut sensitivity = nmpc.sensitivity(&[r], &[v], None).unwrap();
+    assert_eq!(sensitivity.regularity(), Regularity::Regular);
+    let gradient = sensitivity.adjoint(&[], &[1.0]).unwrap();
+    let pivot = q * b * b + rho;
+    let u = (q * b * (r - a * x) + rho * v) / pivot;
+    for (given, expected) in [
+        (Given::State, -q * b * a / pivot),
+        (Given::Reference, q * b / pivot),
+        (Given::AppliedInput, rho / pivot),
+        (Given::Q, (b * (r - a * x) - u * b * b) / pivot),
+        (Given::R, (v - u) / pivot),
+    ] {
+        let found = gradient.get(given)[0];
+        assert!((found - expected).abs() < 1e-9, "{}: {found} is not {expected}", given.name());
+    }
+    assert!(gradient.get(Given::Parameters).is_empty());
+}
+
+/// The same with the limit u <= h: there u moves with h alone, and the smoothed input goes from one
+/// to the other.
+#[test]
+fn at_its_bound_an_input_moves_with_the_bound() {
+    let high = 0.1;
+    let problem = NmpcProblem {
+        input_bounds: Bounds::new(vec![-1.0], vec![high]),
+        ..NmpcProblem::new(Dims::new(1, 1), 1, Weights::uniform(vec![3.0], vec![2.0]))
+    };
+    let mut nmpc =
+        Nmpc::new(problem, Box::new(Linear::scalar(0.9, 0.5)), SqpConfig::default()).unwrap();
+    // u = (1.5 r) / 2.75 without the bound: 0.1 for r = 0.18333..
+    let touching = high * 2.75 / 1.5;
+    let gradient = |nmpc: &mut Nmpc, r: f64, smoothing| {
+        nmpc.reset_to(&[0.0], &[0.0]).unwrap();
+        nmpc.step(&[0.0], &[r]).unwrap();
+        let mut sensitivity = nmpc.sensitivity(&[r], &[0.0], smoothing).unwrap();
+        let gradient = sensitivity.adjoint(&[], &[1.0]).unwrap();
+        let by = [Given::InputHigh, Given::Reference].map(|given| gradient.get(given)[0]);
+        (sensitivity.regularity(), by)
+    };
+    let close = |[a, b]: [f64; 2], [c, d]: [f64; 2]| (a - c).abs() + (b - d).abs() < 1e-9;
+    let (regularity, by) = gradient(&mut nmpc, 1.0, None);
+    assert!(regularity == Regularity::Regular && close(by, [1.0, 0.0]), "{by:?}");
+    let (regularity, by) = gradient(&mut nmpc, 0.0, None);
+    assert!(regularity == Regularity::Regular && close(by, [0.0, 1.5 / 2.75]), "{by:?}");
+    let (regularity, by) = gradient(&mut nmpc, touching, None);
+    assert!(matches!(regularity, Regularity::Kink(_)), "{regularity:?}");
+    assert!(close(by, [0.0, 1.5 / 2.75]), "{by:?}");
+    // With mu = 2 (1.5 r - 2.75 u) and s = h - u, mu s = tau: where both are equal, ds = 5.5 s,
+    // the derivative is between the two.
+    let tau = 1e-6_f64;
+    let (regularity, by) = gradient(&mut nmpc, touching, Some(tau));
+    assert_eq!(regularity, Regularity::Regular);
+    // There mu = 5.5 s, so that s = sqrt(tau / 5.5), and du (5.5 + mu / s) = 3 dr + mu / s dh. The
+    // lower bound, at a distance of 1.1, moves s by 1e-7.
+    let stiffness = 5.5;
+    let expected = [stiffness / (5.5 + stiffness), 3.0 / (5.5 + stiffness)];
+    assert!((by[0] - expected[0]).abs() + (by[1] - expected[1]).abs() < 1e-2, "{by:?}");
+}
+
+/// A plan that is no solution of what is said, and one that is not determined.
+#[test]
+fn a_point_without_derivatives_says_so() {
+    let problem = NmpcProblem::new(Dims::new(1, 1), 2, Weights::uniform(vec![1.0], vec![0.0]));
+    let mut nmpc =
+        Nmpc::new(problem, Box::new(Linear::scalar(0.9, 0.5)), SqpConfig::default()).unwrap();
+    nmpc.step(&[1.0], &[0.0; 2]).unwrap();
+    let other = nmpc.sensitivity(&[0.5; 2], &[0.0], None).unwrap();
+    assert_eq!(other.regularity(), Regularity::NotOptimal);
+    let error = nmpc.sensitivity(&[0.0; 2], &[0.0], Some(-1.0)).unwrap_err();
+    assert_eq!(error.to_string(), "smoothing is -1, but must be positive and finite");
+    assert!(nmpc.sensitivity(&[0.0], &[0.0], None).is_err());
+
+    // Two inputs that do the same, without a cost of their own.
+    let weights = Weights::uniform(vec![1.0], vec![0.0; 2]);
+    let problem = NmpcProblem::new(Dims::new(1, 2), 1, weights);
+    let model = Linear { dims: Dims::new(1, 2), a: vec![0.9], b: vec![0.5, 0.5] };
+    let Ok(mut nmpc) = Nmpc::new(problem, Box::new(model), SqpConfig::default()) else { return };
+    nmpc.step(&[0.0], &[0.0]).unwrap();
+    let mut free = nmpc.sensitivity(&[0.0], &[0.0; 2], None).unwrap();
+    assert_eq!(free.regularity(), Regularity::Singular);
+    assert!(free.adjoint(&[], &[1.0]).unwrap().get(Given::State)[0].is_nan());
+}
