@@ -120,7 +120,7 @@ pub(crate) struct Begin {
 }
 
 pub(crate) enum Source {
-    RungeKutta(PlantEquations, Integrator, usize),
+    RungeKutta(Box<PlantEquations>, Integrator, usize),
     Net(Box<PincNet>),
 }
 
