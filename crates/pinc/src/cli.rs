@@ -5,13 +5,14 @@ use crate::choices::{
 };
 use crate::options::{arguments, judged, options};
 use crate::printed::{failure, show, usage};
+use crate::served::Served;
 use crate::summary::summary;
 use clap::{Parser, Subcommand};
 use pinc_bench::{BenchOptions, ChooseOptions, Kept, OnSlurm, Shard};
 use pinc_config::{Experiment, ModelKind, Plants, RunList};
 use pinc_record::RunDir;
 use pinc_runs::{Options, RunError, Severity, Verbosity, console, verdict};
-use std::net::{SocketAddr, TcpListener};
+use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
@@ -348,18 +349,8 @@ fn execute(cli: &Cli, plants: &Plants) -> Result<ExitCode, RunError> {
         }
         Command::Serve { config, model, only, listen, set } => {
             let experiment = Experiment::load(config, &set.overrides(), plants)?;
-            let (input, output) = (std::io::stdin().lock(), std::io::stdout().lock());
-            let (model, only) = (model.as_deref(), *only);
-            if let Some(address) = listen {
-                let listener = TcpListener::bind(address).map_err(|error| {
-                    RunError::usage("`--listen`", format!("{address}: {error}"))
-                })?;
-                match pinc_serve::serve_clients(&experiment, model, only, &listener, output)? {}
-            }
-            let found = pinc_serve::serve(&experiment, model, only, input, output)?;
-            if found.outside > 0 && !quiet {
-                console::note(&format!("warning: {found}"));
-            }
+            let served = Served { model: model.as_deref(), only: *only, listen: *listen };
+            served.serve(&experiment, quiet)?;
         }
         Command::Estimate { config, data, output, model, only, set } => {
             let experiment = Experiment::load(config, &set.overrides(), plants)?;

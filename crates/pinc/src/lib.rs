@@ -155,6 +155,8 @@ mod options;
 #[cfg(feature = "program")]
 mod printed;
 #[cfg(feature = "program")]
+mod served;
+#[cfg(feature = "program")]
 mod summary;
 
 #[cfg(feature = "program")]

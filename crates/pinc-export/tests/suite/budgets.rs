@@ -27,7 +27,7 @@ fn steps_cut_off_where_the_model_has_no_value_are_the_librarys() {
         r#"{"states": [{"name": "x1"}, {"name": "x2"}], "inputs": [{"name": "u"}],
             "derivatives": {"x1": "x2", "x2": "u - 0.1*sqrt(1.2 - x1^2)"}}"#,
     );
-    case.source = Source::RungeKutta(cart, Integrator::Rk4, 1);
+    case.source = Source::runge_kutta(cart, Integrator::Rk4, 1);
     case.problem.tracked = Tracked::states([1]);
     case.problem.weights = Weights::uniform(vec![10.0], vec![0.01]);
     case.problem.state_bounds = Bounds::none(2);

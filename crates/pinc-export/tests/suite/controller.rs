@@ -124,6 +124,16 @@ pub(crate) enum Source {
     Net(Box<PincNet>),
 }
 
+impl Source {
+    pub(crate) fn runge_kutta(
+        equations: PlantEquations,
+        method: Integrator,
+        substeps: usize,
+    ) -> Self {
+        Self::RungeKutta(Box::new(equations), method, substeps)
+    }
+}
+
 impl Case {
     fn source(&self) -> ModelSource<'_> {
         match &self.source {
@@ -391,7 +401,7 @@ pub(crate) fn oscillator_case() -> Case {
             ..NmpcProblem::new(Dims::new(2, 1), 5, weights)
         },
         config: SqpConfig::default(),
-        source: Source::RungeKutta(oscillator(), Integrator::Rk4, 4),
+        source: Source::runge_kutta(oscillator(), Integrator::Rk4, 4),
         parameters: Vec::new(),
         low: vec![-1.3, -1.3],
         high: vec![1.3, 1.3],
@@ -411,7 +421,7 @@ pub(crate) fn tanks_case() -> Case {
             ..NmpcProblem::new(Dims::new(4, 2), 10, weights)
         },
         config: SqpConfig::default(),
-        source: Source::RungeKutta(tanks(), Integrator::Rk4, 2),
+        source: Source::runge_kutta(tanks(), Integrator::Rk4, 2),
         parameters: Vec::new(),
         low: vec![1.0, 1.0, 0.3, 0.3],
         high: vec![22.0, 22.0, 7.0, 7.0],
@@ -566,6 +576,6 @@ fn what_overflows_in_c_is_refused() {
         r#"{"states": [{"name": "x1"}, {"name": "x2"}], "inputs": [{"name": "u"}],
             "derivatives": {"x1": "x2", "x2": "u - x1/(1e200*1e200)"}}"#,
     );
-    let source = |plant: &PlantEquations| Source::RungeKutta(plant.clone(), Integrator::Rk4, 4);
+    let source = |plant: &PlantEquations| Source::runge_kutta(plant.clone(), Integrator::Rk4, 4);
     refused(&|case| case.source = source(&plant), "constant");
 }

@@ -289,7 +289,7 @@ fn the_moving_horizon_in_c_estimates_what_the_librarys_does() {
 /// as outputs: both are measured, and with the first level tracked and bounded.
 pub(crate) fn with_outputs_and_pump(disturbance: Disturbance) -> Parts {
     let (mut case, mut augmentation, mut tuning) = tanks(disturbance, 0);
-    case.source = Source::RungeKutta(tanks_with_outputs(), Integrator::Rk4, 2);
+    case.source = Source::runge_kutta(tanks_with_outputs(), Integrator::Rk4, 2);
     // In alphabetical order: flow, total.
     case.problem.tracked = vec![Tracked::Output(1), Tracked::State(1)];
     case.problem.output_bounds =
@@ -336,7 +336,7 @@ fn estimated_parameters_and_measured_outputs_are_the_librarys() {
     case.parameters.clear();
     let mut fixed = tanks_with_outputs();
     fixed = fixed.with_parameters([("k1", 3.33), ("split", 0.3)]);
-    case.source = Source::RungeKutta(fixed, Integrator::Rk5, 1);
+    case.source = Source::runge_kutta(fixed, Integrator::Rk5, 1);
     case.problem.parameters.pop();
     for side in [
         &mut tuning.initial_estimate,

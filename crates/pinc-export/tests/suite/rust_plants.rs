@@ -18,7 +18,7 @@ fn the_servos_controller_takes_the_librarys_steps() {
             ..NmpcProblem::new(Dims::new(4, 1), 10, weights)
         },
         config: SqpConfig::default(),
-        source: Source::RungeKutta(HydraulicServo::default().equations(), Integrator::Rk4, 10),
+        source: Source::runge_kutta(HydraulicServo::default().equations(), Integrator::Rk4, 10),
         parameters: Vec::new(),
         low: vec![-0.01, -0.05, -3.0, -0.2],
         high: vec![0.01, 0.05, 3.0, 0.2],
@@ -41,7 +41,7 @@ fn the_stills_controller_takes_the_librarys_steps() {
             ..NmpcProblem::new(Dims::new(2, 2), 5, weights)
         },
         config: SqpConfig::default(),
-        source: Source::RungeKutta(AcetoneStill::default().equations(), Integrator::Rk4, 2),
+        source: Source::runge_kutta(AcetoneStill::default().equations(), Integrator::Rk4, 2),
         parameters: Vec::new(),
         low: vec![0.08, 0.15],
         high: vec![0.25, 0.33],

