@@ -3,12 +3,12 @@
 use crate::choices::{
     CertifyArgs, Outside, RunArgs, SetArgs, SweepArgs, To, loopback, model_kind, seconds, share,
 };
-use crate::options::{arguments, judged, options};
+use crate::options::{arguments, judged, may_begin_afresh, options};
 use crate::printed::{failure, show, usage};
 use crate::served::Served;
 use crate::summary::summary;
 use clap::{Parser, Subcommand};
-use pinc_bench::{BenchOptions, ChooseOptions, Kept, OnSlurm, Shard};
+use pinc_bench::{BenchOptions, ChooseOptions, OnSlurm, Shard};
 use pinc_config::{Experiment, ModelKind, Plants, RunList};
 use pinc_record::RunDir;
 use pinc_runs::{Options, RunError, Severity, Verbosity, console, verdict};
@@ -473,23 +473,6 @@ fn run_all(
     match failed {
         0 => Ok(()),
         failed => Err(RunError::FailedRuns { failed, runs: all.len() }),
-    }
-}
-
-/// Whether nothing of a sweep is lost if it begins now, or whoever is asked agrees.
-fn may_begin_afresh(experiment: &Experiment, dir: &Path) -> Result<(), RunError> {
-    let Some(Kept { trials, nets }) = pinc_bench::kept(experiment, dir) else { return Ok(()) };
-    let place = dir.display();
-    let question = format!("{place} holds {trials} finished trials and {nets} nets. Remove them?");
-    match console::confirmed(&question) {
-        Some(true) => Ok(()),
-        _ => Err(RunError::usage(
-            place,
-            format!(
-                "holds results of this sweep ({trials} trials, {nets} nets); --resume goes on with \
-                 them, --fresh throws them away"
-            ),
-        )),
     }
 }
 

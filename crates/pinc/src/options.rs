@@ -1,5 +1,6 @@
 //! How a command is called and interrupted.
 
+use pinc_bench::Kept;
 use pinc_config::{Experiment, Plants};
 use pinc_runs::{Options, RunError, Verbosity, console};
 use std::path::Path;
@@ -42,4 +43,21 @@ pub(crate) fn judged(
     let beside = || model.with_file_name(pinc_record::file::CONFIG);
     let path = errors.then(|| config.map_or_else(beside, Path::to_owned));
     Ok(path.map(|path| Experiment::load(&path, &[], plants)).transpose()?)
+}
+
+/// Whether nothing of a sweep is lost if it begins now, or whoever is asked agrees.
+pub(crate) fn may_begin_afresh(experiment: &Experiment, dir: &Path) -> Result<(), RunError> {
+    let Some(Kept { trials, nets }) = pinc_bench::kept(experiment, dir) else { return Ok(()) };
+    let place = dir.display();
+    let question = format!("{place} holds {trials} finished trials and {nets} nets. Remove them?");
+    match console::confirmed(&question) {
+        Some(true) => Ok(()),
+        _ => Err(RunError::usage(
+            place,
+            format!(
+                "holds results of this sweep ({trials} trials, {nets} nets); --resume goes on with \
+                 them, --fresh throws them away"
+            ),
+        )),
+    }
 }

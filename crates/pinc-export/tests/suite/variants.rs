@@ -5,7 +5,7 @@ use pinc_mpc::{Bounds, NmpcProblem, Softness, Tracked, Weights};
 use pinc_ode::Integrator;
 
 pub(crate) fn with_rk5() -> Case {
-    let source = Source::RungeKutta(oscillator(), Integrator::Rk5, 2);
+    let source = Source::runge_kutta(oscillator(), Integrator::Rk5, 2);
     Case { source, ..oscillator_case() }
 }
 
@@ -36,7 +36,7 @@ pub(crate) fn in_odd_units() -> Case {
             ),
             ..base.problem
         },
-        source: Source::RungeKutta(equations, Integrator::Rk4, 4),
+        source: Source::runge_kutta(equations, Integrator::Rk4, 4),
         low: sides(-1.3),
         high: sides(1.3),
         ..oscillator_case()
@@ -68,7 +68,7 @@ fn with_outputs() -> Case {
     );
     let base = oscillator_case();
     Case {
-        source: Source::RungeKutta(equations, Integrator::Rk4, 4),
+        source: Source::runge_kutta(equations, Integrator::Rk4, 4),
         problem: NmpcProblem { state_bounds: Bounds::none(2), ..base.problem },
         ..oscillator_case()
     }
