@@ -1,6 +1,12 @@
 @BANNER@
 #include "pinc_error.h"
-#include "pinc_rk5.h"
+
+/* Of pinc_rk5.h, whose sizes of batches are other ones than those of pinc_net.h. */
+#ifdef __cplusplus
+extern "C"
+#endif
+void pinc_rk5_step(const PINC_REAL x[PINC_NX], const PINC_REAL u[@WIDTH@],
+                   PINC_REAL next[PINC_NX]);
 
 /* The distance from an integrator that stands for the exact solution. */
 void pinc_error(const PINC_REAL x[PINC_NX], const PINC_REAL u[@WIDTH@], PINC_REAL error[PINC_NX])
