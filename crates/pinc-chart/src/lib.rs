@@ -4,7 +4,7 @@
 //! A [`Figure`] says what is shown, in data units: panels with axes, series and limits.
 //! [`Figure::svg`] draws it, [`Figure::csv`] writes its data, [`Figure::live`] is what a page needs
 //! that zooms. Sizes are in pixels of the SVG page.
-//! [`box_map`] draws values in boxes of several variables.
+//! [`BoxMap`] draws values in boxes of several variables.
 //! [`text`] has numbers and times as a reader likes them.
 //!
 //! `layout` gives the panels their places, `draw` puts them on the page, `export` writes the table.
