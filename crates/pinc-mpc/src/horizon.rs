@@ -116,6 +116,7 @@ impl Horizon {
 
     /// Linearizes at the points of all stages, each by its model; whether it came to the end before
     /// `expired` said that the time is up.
+    #[inline(always)]
     pub(crate) fn linearize(
         &mut self,
         at: Stages<'_>,

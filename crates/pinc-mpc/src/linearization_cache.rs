@@ -125,8 +125,13 @@ impl LinearizationCache {
     ) -> bool {
         let dims = self.dims;
         let Points { x, u } = &mut self.input;
-        for (j, x) in x.chunks_exact_mut(dims.nx).enumerate() {
-            x.copy_from_slice(dims.state(dims.origin(j)).map_or(x0, |state| &z[state]));
+        if dims.tree.is_chain() {
+            x[..dims.nx].copy_from_slice(x0);
+            x[dims.nx..].copy_from_slice(&z[..dims.all_states() - dims.nx]);
+        } else {
+            for (j, x) in x.chunks_exact_mut(dims.nx).enumerate() {
+                x.copy_from_slice(dims.state(dims.origin(j)).map_or(x0, |state| &z[state]));
+            }
         }
         for (j, u) in u.chunks_exact_mut(dims.nu).enumerate() {
             u.copy_from_slice(&z[dims.input(dims.input_of(j))]);

@@ -268,7 +268,7 @@ impl Transcription {
     }
 
     /// [`Transcription::linearize`] in the plant's units.
-    #[inline(always)]
+    #[inline(never)]
     fn linearize_plain(
         &mut self,
         horizon: &mut Horizon,
@@ -338,7 +338,7 @@ impl Transcription {
     }
 
     /// [`Transcription::measure`] in the plant's units.
-    #[inline(always)]
+    #[inline(never)]
     fn measure_plain(&mut self, x0: &[f64], z: &[f64], targets: Targets<'_>, qp: &mut Qp) -> f64 {
         self.limit(z, targets.previous, qp);
         let mut cost = self.cost.gradient(z, targets, &mut qp.gradient);

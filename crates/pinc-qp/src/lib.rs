@@ -309,7 +309,7 @@ impl Qp {
 
     /// `S_j` and `E_j`, `[m, n]`, of products of `x_j`, j = 1..N, with an input, as far as there are
     /// any, each with the index of its input.
-    #[inline]
+    #[inline(always)]
     pub fn cross(&self, j: usize) -> impl Iterator<Item = (usize, &[f64])> {
         let here = self.s(j).map(|s| (self.dims.acting(j), s));
         here.into_iter().chain(self.s_before(j).map(|s| (self.dims.input_of(j - 1), s)))

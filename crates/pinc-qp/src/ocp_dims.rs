@@ -132,12 +132,17 @@ impl OcpDims {
     #[must_use]
     #[inline]
     pub fn acting(self, j: usize) -> usize {
-        if j < self.n_controls || self.tree.is_chain() {
-            j.min(self.n_controls - 1)
-        } else {
-            let scenarios = self.tree.scenarios();
-            self.n_controls - scenarios + (j - self.n_controls) % scenarios
-        }
+        if self.tree.is_chain() { j.min(self.n_controls - 1) } else { self.acting_on_paths(j) }
+    }
+
+    /// [`OcpDims::acting`] on a tree that branches. Out of line, so that loops over a chain stay
+    /// short.
+    #[cold]
+    #[inline(never)]
+    fn acting_on_paths(self, j: usize) -> usize {
+        let scenarios = self.tree.scenarios();
+        let beyond = j.checked_sub(self.n_controls);
+        beyond.map_or(j, |beyond| self.n_controls - scenarios + beyond % scenarios)
     }
 
     /// The index of the input of stage `j`.

@@ -53,6 +53,14 @@ impl Tree {
     #[must_use]
     #[inline]
     pub fn origin(self, j: usize) -> usize {
+        if self.is_chain() { j } else { self.origin_on_paths(j) }
+    }
+
+    /// [`Tree::origin`] on a tree that branches, out of line like
+    /// [`OcpDims::acting`](crate::OcpDims::acting).
+    #[cold]
+    #[inline(never)]
+    fn origin_on_paths(self, j: usize) -> usize {
         if self.is_branching(j) { j / self.branches } else { j + 1 - self.scenarios }
     }
 
