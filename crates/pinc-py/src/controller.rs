@@ -105,7 +105,7 @@ impl Nmpc {
     }
 
     /// Chooses the input for a plant of which y was measured.
-    #[pyo3(signature = (y, reference=None, u_applied=None, parameters=None))]
+    #[pyo3(signature = (y, reference=None, u_applied=None, parameters=None, budget_us=None))]
     fn step(
         &self,
         py: Python<'_>,
@@ -113,6 +113,7 @@ impl Nmpc {
         reference: Option<Given<'_>>,
         u_applied: Option<Given<'_>>,
         parameters: Option<Given<'_>>,
+        budget_us: Option<f64>,
     ) -> PyResult<ControlStep> {
         let y = vector(&y, "y")?;
         let u_applied = u_applied.map(|u| vector(&u, "u_applied")).transpose()?;
@@ -126,7 +127,8 @@ impl Nmpc {
         let mut controller = self.lock();
         let before = parameters.map(|p| controller.set_measured_parameters(&p)).transpose();
         let before = before.map_err(|error| of_run(&error))?;
-        let step = match controller.step(&y, follow, u_applied.as_deref()) {
+        let budget_us = budget_us.or(controller.spec().budget_us);
+        let step = match controller.step_within(&y, follow, u_applied.as_deref(), budget_us) {
             Ok(step) => step,
             Err(error) => {
                 if let Some(before) = before {

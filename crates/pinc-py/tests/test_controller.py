@@ -45,6 +45,14 @@ def test_what_it_says_of_itself(smoke: Path) -> None:
     assert "controlled x1, x2" in repr(controller) and "converged" in repr(step)
 
 
+def test_a_step_may_have_a_budget_of_its_own(smoke: Path) -> None:
+    controller = pinc.Nmpc(smoke, only="rk4")
+    assert controller.step([0.5, 0.1], budget_us=1e-3).status == "deadline"
+    assert controller.step([0.5, 0.1]).status == "converged"
+    with pytest.raises(pinc.InputError, match="budget_us"):
+        controller.step([0.5, 0.1], budget_us=-1.0)
+
+
 def test_a_state_is_taken_over_without_a_bump() -> None:
     first, second = pinc.Nmpc(TANKS, only="rk4"), pinc.Nmpc(TANKS, only="rk4")
     readings = [[2.0 + 0.1 * k, 2.0 - 0.02 * k] for k in range(12)]

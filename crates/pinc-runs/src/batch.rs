@@ -14,8 +14,8 @@ pub struct BatchController {
     spec: ControlSpec,
     variables: Variables,
     plant: Simulator,
-    /// Whether the config has an estimator.
-    estimates: bool,
+    /// What the config's loop has and a loop of a batch does not.
+    without: Option<&'static str>,
     command: &'static str,
 }
 
@@ -26,7 +26,7 @@ impl BatchController {
     ///
     /// # Errors
     ///
-    /// [`RunError`] if the controller cannot be made.
+    /// [`RunError`] if the controller cannot be made, or depends on when its loop began.
     pub fn new(
         experiment: &Experiment,
         model: Option<ModelFile<'_>>,
@@ -36,13 +36,26 @@ impl BatchController {
     ) -> Result<Self, RunError> {
         let chosen = Chosen::of(experiment, model, only, command)?;
         let (setup, spec) = (chosen.setup(), chosen.spec);
+        let of_time = [
+            ("control.bound_schedule", !spec.bound_schedule.is_empty()),
+            ("control.first_plan", spec.first_plan.is_some()),
+        ];
+        if let Some(key) = first(of_time) {
+            let problem = format!("steps of a batch have no time, but the config has `{key}`");
+            return Err(RunError::usage(format!("`{command}`"), problem));
+        }
         let make = || setup.judged_controller(chosen.kind, &*chosen.plant).map(|(nmpc, _)| nmpc);
         let batch = NmpcBatch::new(threads, make)?;
         Ok(Self {
             batch,
             plant: Simulator::new(setup.truth, spec.plant_tolerance),
             variables: Variables::of(&*chosen.plant),
-            estimates: setup.sections().is_some(),
+            without: first([
+                ("control.estimator", setup.sections().is_some()),
+                ("control.plant", spec.plant.is_some()),
+                ("control.plant_schedule", !spec.plant_schedule.is_empty()),
+                ("control.loads", !spec.loads.is_empty()),
+            ]),
             spec: spec.clone(),
             command,
         })
@@ -82,21 +95,28 @@ impl BatchController {
     ///
     /// # Errors
     ///
-    /// [`RunError::Usage`] if the config has an estimator, and the errors of
-    /// [`NmpcBatch::loops`].
+    /// [`RunError::Usage`] if the config has an estimator, loads, or a plant that is not always the
+    /// models', and the errors of [`NmpcBatch::loops`].
     pub fn loops(
         &mut self,
         x: &[f64],
         references: &[Reference],
         u_before: &[f64],
     ) -> Result<Vec<LoopTrace>, RunError> {
-        if self.estimates {
-            let problem = "loops in a batch use the measured states, but the config has a section \
-                           `estimator`; leave it out";
+        if let Some(key) = self.without {
+            let problem = format!(
+                "loops of a batch have the models' plant and its states, but the config has `{key}`; \
+                 leave it out"
+            );
             return Err(RunError::usage(format!("`{}`", self.command), problem));
         }
         let Self { batch, plant, spec, .. } = self;
         let plants = std::slice::from_ref(&*plant);
         Ok(batch.loops(Loops { x, references, plants, u_before, preview: spec.preview })?)
     }
+}
+
+/// The first key that is there.
+fn first<const N: usize>(keys: [(&'static str, bool); N]) -> Option<&'static str> {
+    keys.into_iter().find_map(|(key, is_there)| is_there.then_some(key))
 }

@@ -1,44 +1,18 @@
 //! Bounds that a plant breaks in closed loop: by how much, where, and of which quantity.
 
 use crate::problems::four_tanks;
-use pinc_ad::Scalar;
+use crate::support::Lag;
 use pinc_mpc::{
     Bounded, Bounds, ClosedLoop, Nmpc, NmpcProblem, Reference, Side, Softness, SqpConfig,
     Violation, Weights,
 };
-use pinc_ode::{Dims, Dopri5, Model, Plant, Rk4, Variable};
+use pinc_ode::{Dims, Dopri5, Model, Rk4};
 use pinc_plants::FourTanks;
 
 const FREE: f64 = f64::INFINITY;
 
 /// x' = (u - x) / 10 with the outputs -x and x + u.
-#[derive(Clone, Debug)]
-struct Lag;
-
-impl Plant for Lag {
-    fn states(&self) -> &[Variable] {
-        static VARIABLES: [Variable; 1] = [Variable::new("x", "")];
-        &VARIABLES
-    }
-
-    fn inputs(&self) -> &[Variable] {
-        static VARIABLES: [Variable; 1] = [Variable::new("u", "")];
-        &VARIABLES
-    }
-
-    fn outputs(&self) -> &[Variable] {
-        static VARIABLES: [Variable; 2] = [Variable::new("minus", ""), Variable::new("y", "")];
-        &VARIABLES
-    }
-
-    fn rhs<S: Scalar>(&self, x: &[S], u: &[S], _p: &[S], dx: &mut [S]) {
-        dx[0] = (u[0] - x[0]) * 0.1;
-    }
-
-    fn output<S: Scalar>(&self, x: &[S], u: &[S], _p: &[S], y: &mut [S]) {
-        (y[0], y[1]) = (-x[0], x[0] + u[0]);
-    }
-}
+const LAG: Lag = Lag { rate: 0.1, outputs: &[(-1.0, false), (1.0, true)] };
 
 /// What the lag breaks in one step from 1.5 under an input of 1 that is under way.
 fn broken_by_the_lag(state_softness: Softness, output_softness: Softness) -> Vec<Violation> {
@@ -51,10 +25,10 @@ fn broken_by_the_lag(state_softness: Softness, output_softness: Softness) -> Vec
         output_softness,
         ..NmpcProblem::new(Dims::new(1, 1), 3, Weights::uniform(vec![1.0], vec![1.0]))
     };
-    let model = Box::new(Rk4::new(Lag, 1.0, 2));
+    let model = Box::new(Rk4::new(LAG, 1.0, 2));
     let mut nmpc = Nmpc::new(problem, model, SqpConfig::default()).unwrap();
     let reference = Reference::new(vec![0.0], 1).unwrap();
-    let run = ClosedLoop::new(&mut nmpc, Dopri5::new(Lag, 1e-12), reference, &[1.5]).unwrap();
+    let run = ClosedLoop::new(&mut nmpc, Dopri5::new(LAG, 1e-12), reference, &[1.5]).unwrap();
     let mut run = run.with_initial_input(&[1.0]).unwrap();
     run.run().unwrap();
     run.violations().copied().collect()

@@ -2,49 +2,22 @@
 
 use crate::optimality::{StepInput, none, residuals_with, scale};
 use crate::outputs::{METHODS, Observed, config};
-use crate::support::Linear;
-use pinc_ad::Scalar;
+use crate::support::{Lag, Linear};
 use pinc_mpc::{
     Bounds, ClosedLoop, Constraint, IntervalEnd, LoopRecord, Nmpc, NmpcProblem, Observer, PlantNow,
     Reference, Side, Softness, SqpConfig, SqpStatus, Tracked, Weights,
 };
-use pinc_ode::{Dims, Dopri5, Model, Plant, Rk4, Variable};
+use pinc_ode::{Dims, Dopri5, Model, Rk4};
 use pinc_plants::VanDerPol;
 use proptest::prelude::*;
 
 const FREE: f64 = f64::INFINITY;
 
 /// x' = (u - x) / 10 with the outputs x and x + u.
-#[derive(Clone, Debug)]
-struct Lag;
-
-impl Plant for Lag {
-    fn states(&self) -> &[Variable] {
-        static VARIABLES: [Variable; 1] = [Variable::new("x", "")];
-        &VARIABLES
-    }
-
-    fn inputs(&self) -> &[Variable] {
-        static VARIABLES: [Variable; 1] = [Variable::new("u", "")];
-        &VARIABLES
-    }
-
-    fn outputs(&self) -> &[Variable] {
-        static VARIABLES: [Variable; 2] = [Variable::new("x", ""), Variable::new("y", "")];
-        &VARIABLES
-    }
-
-    fn rhs<S: Scalar>(&self, x: &[S], u: &[S], _p: &[S], dx: &mut [S]) {
-        dx[0] = (u[0] - x[0]) * 0.1;
-    }
-
-    fn output<S: Scalar>(&self, x: &[S], u: &[S], _p: &[S], y: &mut [S]) {
-        (y[0], y[1]) = (x[0], x[0] + u[0]);
-    }
-}
+const LAG: Lag = Lag { rate: 0.1, outputs: &[(1.0, false), (1.0, true)] };
 
 fn lag() -> Rk4<Lag> {
-    Rk4::new(Lag, 1.0, 2)
+    Rk4::new(LAG, 1.0, 2)
 }
 
 /// One step of the lag under the input u: a x + (1 - a) u.
@@ -91,7 +64,7 @@ fn a_loop_keeps_the_bound_at_every_sample() {
         let problem = NmpcProblem { control_horizon: control, delay, ..lag_problem(horizon) };
         let mut nmpc = Nmpc::new(problem, Box::new(lag()), SqpConfig::default()).unwrap();
         let reference = Reference::new(vec![0.9; 30], 1).unwrap();
-        let plant = Dopri5::new(Lag, 1e-12);
+        let plant = Dopri5::new(LAG, 1e-12);
         let mut run = ClosedLoop::new(&mut nmpc, plant, reference, &[0.0]).unwrap();
         let (record, ended) = run.run_recorded();
         ended.unwrap();
@@ -238,7 +211,7 @@ fn a_loop_reads_outputs_before_the_input_changes() {
         let mut nmpc = Nmpc::new(problem, Box::new(lag()), SqpConfig::default()).unwrap();
         let reference = Reference::new([vec![3.0; 6], vec![-1.0; 6]].concat(), 1).unwrap();
         let mut seen = Watching::default();
-        let run = ClosedLoop::new(&mut nmpc, Dopri5::new(Lag, 1e-12), reference, &[4.0]).unwrap();
+        let run = ClosedLoop::new(&mut nmpc, Dopri5::new(LAG, 1e-12), reference, &[4.0]).unwrap();
         let mut run = run.with_initial_input(&[0.5]).unwrap().with_observer(&mut seen);
         let (record, ended) = run.run_recorded();
         ended.unwrap();

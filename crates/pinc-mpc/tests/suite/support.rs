@@ -2,7 +2,41 @@
 
 use pinc_ad::Scalar;
 use pinc_mpc::{NmpcProblem, StageConstraints, Weights};
-use pinc_ode::{Dims, Linearization, Model, Stages};
+use pinc_ode::{Dims, Linearization, Model, Plant, Stages, Variable};
+
+/// x' = rate (u - x) with two outputs at most, c x or c x + u: c, and whether u is added.
+#[derive(Clone, Debug)]
+pub(crate) struct Lag {
+    pub(crate) rate: f64,
+    pub(crate) outputs: &'static [(f64, bool)],
+}
+
+impl Plant for Lag {
+    fn states(&self) -> &[Variable] {
+        static VARIABLES: [Variable; 1] = [Variable::new("x", "")];
+        &VARIABLES
+    }
+
+    fn inputs(&self) -> &[Variable] {
+        static VARIABLES: [Variable; 1] = [Variable::new("u", "")];
+        &VARIABLES
+    }
+
+    fn outputs(&self) -> &[Variable] {
+        static VARIABLES: [Variable; 2] = [Variable::new("y1", ""), Variable::new("y2", "")];
+        &VARIABLES[..self.outputs.len()]
+    }
+
+    fn rhs<S: Scalar>(&self, x: &[S], u: &[S], _p: &[S], dx: &mut [S]) {
+        dx[0] = (u[0] - x[0]) * self.rate;
+    }
+
+    fn output<S: Scalar>(&self, x: &[S], u: &[S], _p: &[S], y: &mut [S]) {
+        for (y, &(c, adds)) in y.iter_mut().zip(self.outputs) {
+            *y = if adds { x[0] * c + u[0] } else { x[0] * c };
+        }
+    }
+}
 
 /// x\[k+1\] = A x\[k\] + B u\[k\]
 #[derive(Clone, Debug)]

@@ -1,40 +1,14 @@
 //! Bounds and parameters that change with the control steps.
 
-use pinc_ad::Scalar;
+use crate::support::Lag;
 use pinc_mpc::{
     BoundSchedule, Bounded, Bounds, ClosedLoop, Nmpc, NmpcProblem, Reference, SqpConfig, Timetable,
     Weights,
 };
-use pinc_ode::{Dims, Dopri5, Linearization, Model, Plant, Rk4, Stages, Variable};
+use pinc_ode::{Dims, Dopri5, Linearization, Model, Rk4, Stages};
 
 /// x' = (u - x) / 4 with the output x + u.
-#[derive(Clone, Debug)]
-struct Lag;
-
-impl Plant for Lag {
-    fn states(&self) -> &[Variable] {
-        static VARIABLES: [Variable; 1] = [Variable::new("x", "")];
-        &VARIABLES
-    }
-
-    fn inputs(&self) -> &[Variable] {
-        static VARIABLES: [Variable; 1] = [Variable::new("u", "")];
-        &VARIABLES
-    }
-
-    fn outputs(&self) -> &[Variable] {
-        static VARIABLES: [Variable; 1] = [Variable::new("y", "")];
-        &VARIABLES
-    }
-
-    fn rhs<S: Scalar>(&self, x: &[S], u: &[S], _p: &[S], dx: &mut [S]) {
-        dx[0] = (u[0] - x[0]) * 0.25;
-    }
-
-    fn output<S: Scalar>(&self, x: &[S], u: &[S], _p: &[S], y: &mut [S]) {
-        y[0] = x[0] + u[0];
-    }
-}
+const LAG: Lag = Lag { rate: 0.25, outputs: &[(1.0, true)] };
 
 const STAGES: usize = 5;
 const FREE: usize = 3;
@@ -63,14 +37,12 @@ fn problem() -> NmpcProblem {
         state_bounds: Bounds::new(low_x, high_x),
         input_bounds: Bounds::new(low_u, high_u),
         output_bounds: Some(Bounds::new(low_y, high_y)),
-        ..NmpcProblem::new(Lag.model().dims(), STAGES, Weights::uniform(vec![5.0], vec![0.1]))
+        ..NmpcProblem::new(model().dims(), STAGES, Weights::uniform(vec![5.0], vec![0.1]))
     }
 }
 
-impl Lag {
-    fn model(&self) -> Rk4<Self> {
-        Rk4::new(self.clone(), 1.0, 2)
-    }
+fn model() -> Rk4<Lag> {
+    Rk4::new(LAG, 1.0, 2)
 }
 
 /// The bounds of the stages of a plan that begins at `step`, one after the other: the state has
@@ -100,15 +72,15 @@ fn by_stage(step: usize, preview: bool) -> NmpcProblem {
 #[test]
 fn bounds_of_a_plan_are_those_of_its_steps() {
     for preview in [true, false] {
-        let (problem, dims) = (problem(), Lag.model().dims());
+        let (problem, dims) = (problem(), model().dims());
         let schedule = BoundSchedule::new(rows(), &problem, dims).unwrap();
-        let mut nmpc = Nmpc::new(problem, Box::new(Lag.model()), SqpConfig::default()).unwrap();
+        let mut nmpc = Nmpc::new(problem, Box::new(model()), SqpConfig::default()).unwrap();
         let (mut x, mut u, mut next, mut at_bound) = (vec![0.2], vec![0.0], vec![0.0], 0);
         nmpc.reset_to(&x, &u).unwrap();
         for step in 0..12 {
             nmpc.set_bounds_at(&schedule, step, preview);
             let mut other =
-                Nmpc::new(by_stage(step, preview), Box::new(Lag.model()), SqpConfig::default())
+                Nmpc::new(by_stage(step, preview), Box::new(model()), SqpConfig::default())
                     .unwrap();
             other.reset_to(&x, &u).unwrap();
             let expected = other.step(&x, &[1.0; STAGES]).unwrap();
@@ -117,7 +89,7 @@ fn bounds_of_a_plan_are_those_of_its_steps() {
             assert_eq!(found.status, status, "step {step}");
             assert!((found.u[0] - wanted[0]).abs() < 1e-7, "{step}: {} {}", found.u[0], wanted[0]);
             u.copy_from_slice(found.u);
-            Lag.model().step(&x, &u, &[], &mut next);
+            model().step(&x, &u, &[], &mut next);
             let values = [next[0], u[0], next[0] + u[0]];
             let high = values.iter().zip(&row(step)[3..]).any(|(v, high)| *v > high - 1e-6);
             at_bound += usize::from(high);
@@ -131,11 +103,11 @@ fn bounds_of_a_plan_are_those_of_its_steps() {
 #[test]
 fn the_loop_keeps_bounds_that_it_knows() {
     let broken = |preview: bool| {
-        let (problem, dims) = (problem(), Lag.model().dims());
+        let (problem, dims) = (problem(), model().dims());
         let schedule = BoundSchedule::new(rows(), &problem, dims).unwrap();
-        let mut nmpc = Nmpc::new(problem, Box::new(Lag.model()), SqpConfig::default()).unwrap();
+        let mut nmpc = Nmpc::new(problem, Box::new(model()), SqpConfig::default()).unwrap();
         let reference = Reference::new(vec![1.0; 14], 1).unwrap();
-        let run = ClosedLoop::new(&mut nmpc, Dopri5::new(Lag, 1e-12), reference, &[0.2]).unwrap();
+        let run = ClosedLoop::new(&mut nmpc, Dopri5::new(LAG, 1e-12), reference, &[0.2]).unwrap();
         let run = run.with_bounds(schedule);
         let mut run = if preview { run } else { run.without_preview() };
         run.run().unwrap();
@@ -156,7 +128,7 @@ fn schedules_that_do_not_suit_the_problem_are_refused() {
         change(&mut row);
         let width = row.len();
         let rows = Timetable::new(width, [(0, row)]).unwrap();
-        BoundSchedule::new(rows, &problem(), Lag.model().dims()).unwrap_err().to_string()
+        BoundSchedule::new(rows, &problem(), model().dims()).unwrap_err().to_string()
     };
     assert!(refused(|row| row[0] = 3.0).contains("at most the upper bound"));
     assert!(refused(|row| row[3] = f64::INFINITY).contains("finite, as in the problem"));

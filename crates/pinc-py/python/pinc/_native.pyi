@@ -177,6 +177,7 @@ class Nmpc:
         reference: Optional[ArrayLike] = None,
         u_applied: Optional[ArrayLike] = None,
         parameters: Optional[ArrayLike] = None,
+        budget_us: Optional[float] = None,
     ) -> ControlStep:
         """Chooses the input for a plant of which ``y`` was measured (see ``measured``). What is
         missing is NaN; without an estimator the status is then ``bad-argument``, and ``u`` the last
@@ -189,6 +190,7 @@ class Nmpc:
         ``reference`` they are followed, from the first step on. ``u_applied`` is the input that the
         plant was really given since the last step, if that was not the one chosen. ``parameters`` are the
         values of ``control.measured_parameters``, in that order; as before if they are not given.
+        ``budget_us`` is the time that the step may take, in us, in place of ``control.budget_us``.
         """
     def adjoint(
         self,
