@@ -50,13 +50,17 @@ impl<P: Plant, M: Method, const N: usize> Task for LinearizeBatched<'_, P, M, N>
                     *to = variable(values, (n + m + j).wrapping_sub(first));
                 }
                 work.run::<P, M>(plant, h, substeps);
-                for (i, Dual { re, eps }) in work.x.iter().enumerate() {
+                for (i, &Dual { re, eps }) in work.x.iter().enumerate() {
                     let row = |lane: usize| point(lane) * n + i;
-                    scatter(*re, filled, |lane, value| points.out.next[row(lane)] = value);
-                    for (column, &eps) in (first..columns).zip(eps) {
-                        scatter(eps, filled, |lane, derivative| {
-                            points.set(dims, row(lane), column, derivative);
-                        });
+                    scatter(re, filled, |lane, value| points.out.next[row(lane)] = value);
+                    // As often for all plants: a count that the compiler does not know would keep
+                    // the whole workspace in memory.
+                    for (k, &eps) in eps.iter().enumerate() {
+                        if first + k < columns {
+                            scatter(eps, filled, |lane, derivative| {
+                                points.set(dims, row(lane), first + k, derivative);
+                            });
+                        }
                     }
                 }
             }
