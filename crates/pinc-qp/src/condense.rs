@@ -127,8 +127,11 @@ impl CondensedQp {
 
     /// Whether it came to the end before `expired` said that the time is up.
     fn condense(&mut self, qp: &Qp, expired: &mut dyn FnMut() -> bool) -> bool {
-        let done = sized!(qp.dims, |n, m| self.condense_sized(qp, n, m, expired));
-        self.add_increments(qp);
+        let done = sized!(qp.dims, |n, m| {
+            let done = self.condense_sized(qp, n, m, expired);
+            self.add_increments(qp, m);
+            done
+        });
         self.limit(qp);
         done
     }
@@ -257,11 +260,11 @@ impl CondensedQp {
     }
 
     /// The weights of increments and inputs, on and below the diagonal of H.
-    fn add_increments(&mut self, qp: &Qp) {
-        let OcpDims { nu: m, n_controls, .. } = qp.dims;
+    #[inline(always)]
+    fn add_increments(&mut self, qp: &Qp, m: usize) {
         let unknowns = qp.dims.all_inputs();
-        for i in 0..n_controls {
-            for (k, r) in qp.r(i).chunks_exact(m).enumerate() {
+        for i in 0..qp.dims.n_controls {
+            for (k, r) in block(&qp.r, i, m * m).chunks_exact(m).enumerate() {
                 let column = block_mut(&mut self.dense.hessian, i * m + k, unknowns);
                 add_scaled(block_mut(column, i, m), 1.0, r);
                 if i > 0 {
@@ -391,9 +394,11 @@ fn expand_sized(qp: &Qp, step: &mut QpStep, n: usize, m: usize) {
         for (input, s) in qp.cross(j + 1) {
             add_transposed(s, block(inputs, input, m), lambda);
         }
-        for RowBlock { rows, .. } in rows_of_state(dims, j + 1) {
-            let [by_x, _] = qp.row_jacobians(rows.clone());
-            add_transposed(by_x, &multipliers.rows[rows], lambda);
+        if dims.rows() > 0 {
+            for RowBlock { rows, .. } in rows_of_state(dims, j + 1) {
+                let [by_x, _] = qp.row_jacobians(rows.clone());
+                add_transposed(by_x, &multipliers.rows[rows], lambda);
+            }
         }
         if j + 1 < dims.horizon {
             let (lambda, next) = neighbours(dynamics, j + 1, n);
@@ -402,10 +407,10 @@ fn expand_sized(qp: &Qp, step: &mut QpStep, n: usize, m: usize) {
     }
 }
 
-/// The rows that the state `x_j` is in.
+/// The rows that the state `x_j` is in, where there are rows.
 #[inline(always)]
 fn rows_of_state(dims: OcpDims, j: usize) -> impl Iterator<Item = RowBlock> {
-    let here = (dims.rows() > 0 && j >= dims.n1).then(|| [dims.rows_here(j), dims.rows_at_end(j)]);
+    let here = (j >= dims.n1).then(|| [dims.rows_here(j), dims.rows_at_end(j)]);
     let starts = dims.feedthrough > 0 && dims.constrained().contains(&(j + 1));
     here.into_iter().flatten().chain(starts.then(|| dims.rows_at_start(j + 1)))
 }
