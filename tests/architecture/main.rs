@@ -12,7 +12,7 @@ use toml::{Table, Value};
 /// Our crates with the ones of ours that each depends on, from the bottom up.
 const CRATES: [(&str, &[&str]); 24] = [
     ("pinc-ad", &[]),
-    ("pinc-qp", &[]),
+    ("pinc-qp", &["pinc-ad"]),
     ("pinc-chart", &[]),
     ("pinc-ode", &["pinc-ad"]),
     ("pinc-expr", &["pinc-ad", "pinc-ode"]),

@@ -1,16 +1,18 @@
 //! Condensing: the QP in the inputs alone.
 
-use super::algebra::{add_product, add_scaled, add_transposed, block, block_mut, dot};
+mod panels;
+
+use super::algebra::{add_product, add_scaled, add_transposed, block, block_mut};
 use super::dense::{ActiveSet, DenseQp, DenseStatus};
 use super::{Kind, Limits, Qp, QpSolver, QpStatus, QpStep, QpWork, Row};
 use crate::{OcpDims, RowBlock};
+use panels::Panels;
 
 /// Solves a [`Qp`] by eliminating its states and giving what is left, a small dense program in the
 /// inputs, to the active-set method.
 ///
 /// With `v = (du_0, .., du_{Nu-1})` the dynamics are `dx_j = G_j v + e_j`. H and the gradient in v
-/// come from products backwards over the horizon, column by column of G, at a cost quadratic in the
-/// horizon (Andersson, Frasch, Vukov and Diehl, "A condensing algorithm for nonlinear MPC with a
+/// come from products backwards over the horizon, at a cost quadratic in the horizon (Andersson, Frasch, Vukov and Diehl, "A condensing algorithm for nonlinear MPC with a
 /// quadratic runtime in horizon length", 2013):
 ///
 /// ```text
@@ -22,27 +24,13 @@ use crate::{OcpDims, RowBlock};
 /// the same for the inputs before.
 ///
 /// Only finite limits become rows. All memory is allocated at construction.
-///
-/// The functions that are always inlined are compiled for the sizes of the paper's plants, with
-/// loops unrolled, and once for all others: at two states the loops would otherwise cost more than
-/// what they do.
 #[derive(Debug)]
 pub(super) struct CondensedQp {
     dense: DenseQp,
     solver: ActiveSet,
     rows: DenseRows,
-    /// A column of `G_1` .. `G_N`, `[N, n]`.
-    response: Vec<f64>,
-    /// `e_1` .. `e_N`, `[N, n]`.
-    offset: Vec<f64>,
-    /// W or p at a stage, and at the one before.
-    adjoint: [Vec<f64>; 2],
-    /// The number of inputs whose columns are computed between two looks at the clock.
-    unasked: usize,
+    panels: Panels,
 }
-
-/// About how many operations there are between two looks at the clock: a few microseconds.
-const UNASKED: usize = 20_000;
 
 /// What the rows of C are: their places in the QP's limits, the kinds one after the other.
 #[derive(Debug)]
@@ -98,7 +86,7 @@ impl CondensedQp {
     pub(super) fn new(qp: &Qp) -> Self {
         let dims = qp.dims;
         let rows = DenseRows::new(qp);
-        let (unknowns, height, n) = (dims.all_inputs(), rows.len(), dims.nx);
+        let (unknowns, height) = (dims.all_inputs(), rows.len());
         let mut dense = DenseQp::new(unknowns, height);
         // These rows of C stay.
         for (row, &i) in rows.increments.iter().enumerate() {
@@ -112,10 +100,7 @@ impl CondensedQp {
             solver: ActiveSet::new(unknowns, height),
             dense,
             rows,
-            response: vec![0.0; dims.all_states()],
-            offset: vec![0.0; dims.all_states()],
-            adjoint: [vec![0.0; n], vec![0.0; n]],
-            unasked: (UNASKED / (4 * dims.nu * dims.horizon * n * (n + dims.nu))).max(1),
+            panels: Panels::new(dims),
         }
     }
 
@@ -127,134 +112,46 @@ impl CondensedQp {
 
     /// Whether it came to the end before `expired` said that the time is up.
     fn condense(&mut self, qp: &Qp, expired: &mut dyn FnMut() -> bool) -> bool {
-        let done = sized!(qp.dims, |n, m| {
-            let done = self.condense_sized(qp, n, m, expired);
-            self.add_increments(qp, m);
-            done
-        });
-        self.limit(qp);
-        done
-    }
-
-    #[inline(always)]
-    fn condense_sized(
-        &mut self,
-        qp: &Qp,
-        n: usize,
-        m: usize,
-        expired: &mut dyn FnMut() -> bool,
-    ) -> bool {
-        self.condense_offset(qp, n);
-        self.condense_gradient(qp, n, m);
-        let mut next_look = self.unasked;
-        for input in 0..qp.dims.n_controls {
-            if input == next_look {
-                if expired() {
-                    return false;
-                }
-                next_look += self.unasked;
-            }
-            for k in 0..m {
-                self.respond(qp, (n, m), (input, k));
-                self.condense_hessian(qp, (n, m), (input, k));
-                self.condense_rows(qp, (n, m), (input, k));
-            }
+        if !self.panels.condense(qp, &mut self.dense, expired) {
+            return false;
         }
+        self.condense_rows(qp);
+        sized!(qp.dims, |_n, m| self.add_increments(qp, m));
+        self.limit(qp);
         true
     }
 
-    /// e
-    #[inline(always)]
-    fn condense_offset(&mut self, qp: &Qp, n: usize) {
-        self.offset.copy_from_slice(&qp.c);
-        for j in 1..qp.dims.horizon {
-            let (before, now) = neighbours(&mut self.offset, j, n);
-            add_product(block(&qp.a, j, n * n), before, now);
+    /// C, and the values of its rows at v = 0 in `low`.
+    fn condense_rows(&mut self, qp: &Qp) {
+        let OcpDims { nx: n, nu: m, .. } = qp.dims;
+        let (unknowns, height) = (qp.dims.all_inputs(), self.rows.len());
+        let offsets = &mut self.dense.low[unknowns..];
+        for (at, &v) in self.rows.states.iter().enumerate() {
+            let row = self.panels.row(v / n, v % n);
+            offsets[at] = row[0];
+            // Inputs that act later have 0 from the beginning.
+            let acting = (qp.dims.acting(v / n) + 1) * m;
+            let column = self.dense.matrix[at..].iter_mut().step_by(height);
+            column.zip(&row[1..=acting]).for_each(|(entry, g)| *entry = *g);
         }
-    }
-
-    #[inline(always)]
-    fn condense_gradient(&mut self, qp: &Qp, n: usize, m: usize) {
-        let (by_x, by_u) = qp.gradient.split_at(qp.dims.all_states());
-        self.dense.gradient.copy_from_slice(by_u);
-        let [mut p, mut before] = sized(&mut self.adjoint, n);
-        for j in (0..qp.dims.horizon).rev() {
-            before.copy_from_slice(block(by_x, j, n));
-            if j + 1 < qp.dims.horizon {
-                add_transposed(block(&qp.a, j + 1, n * n), p, before);
-            }
-            add_product(block(&qp.q, j, n * n), block(&self.offset, j, n), before);
-            for (input, s) in qp.cross(j + 1) {
-                let gradient = block_mut(&mut self.dense.gradient, input, m);
-                add_product(s, block(&self.offset, j, n), gradient);
-            }
-            std::mem::swap(&mut p, &mut before);
-            let gradient = block_mut(&mut self.dense.gradient, qp.dims.acting(j), m);
-            add_transposed(block(&qp.b, j, n * m), p, gradient);
-        }
-    }
-
-    /// A column of G, from the stage on at which its input begins to act.
-    #[inline(always)]
-    fn respond(&mut self, qp: &Qp, (n, m): (usize, usize), (input, k): (usize, usize)) {
-        for j in input..qp.dims.horizon {
-            let now = block_mut(&mut self.response, j, n);
-            if qp.dims.acting(j) == input {
-                let b = block(&qp.b, j, n * m).chunks_exact(m);
-                now.iter_mut().zip(b).for_each(|(now, b)| *now = b[k]);
-            } else {
-                now.fill(0.0);
-            }
-            if j > input {
-                let (before, now) = neighbours(&mut self.response, j, n);
-                add_product(block(&qp.a, j, n * n), before, now);
-            }
-        }
-    }
-
-    /// The column of H, on and below the diagonal.
-    #[inline(always)]
-    fn condense_hessian(&mut self, qp: &Qp, (n, m): (usize, usize), (input, k): (usize, usize)) {
-        let unknowns = qp.dims.all_inputs();
-        let hessian = block_mut(&mut self.dense.hessian, input * m + k, unknowns);
-        hessian.fill(0.0);
-        let [mut w, mut before] = sized(&mut self.adjoint, n);
-        for j in (input..qp.dims.horizon).rev() {
-            before.fill(0.0);
-            if j + 1 < qp.dims.horizon {
-                add_transposed(block(&qp.a, j + 1, n * n), w, before);
-            }
-            add_product(block(&qp.q, j, n * n), block(&self.response, j, n), before);
-            for (acting, s) in qp.cross(j + 1) {
-                if acting == input {
-                    add_scaled(before, 1.0, block(s, k, n));
+        let (bounded, first) = (self.rows.states.len(), height - self.rows.general.len());
+        offsets[bounded..first].fill(0.0);
+        let rows = self.rows.general.iter().zip(&self.rows.places).enumerate();
+        for (at, (&row, &(state, input))) in rows {
+            let at = first + at;
+            offsets[at] = 0.0;
+            let entries = self.dense.matrix[at..].iter_mut().step_by(height);
+            entries.for_each(|entry| *entry = 0.0);
+            if let Some(j) = state.checked_sub(1) {
+                let acting = (qp.dims.acting(j) + 1) * m;
+                for (by_x, x) in block(&qp.rows_x, row, n).iter().zip(self.panels.state(j)) {
+                    offsets[at] += by_x * x[0];
+                    let entries = self.dense.matrix[at..].iter_mut().step_by(height);
+                    entries.zip(&x[1..=acting]).for_each(|(entry, g)| *entry += by_x * g);
                 }
-                add_product(s, block(&self.response, j, n), block_mut(hessian, acting, m));
             }
-            std::mem::swap(&mut w, &mut before);
-            let entries = block_mut(hessian, qp.dims.acting(j), m);
-            add_transposed(block(&qp.b, j, n * m), w, entries);
-        }
-    }
-
-    /// The column of C.
-    #[inline(always)]
-    fn condense_rows(&mut self, qp: &Qp, (n, m): (usize, usize), (input, k): (usize, usize)) {
-        let height = self.rows.len();
-        let column = block_mut(&mut self.dense.matrix, input * m + k, height);
-        let [states, _, general] = self.rows.split(column);
-        // States before the input acts have 0 from the beginning.
-        for (entry, &v) in states.iter_mut().zip(&self.rows.states).rev() {
-            if v < input * n {
-                break;
-            }
-            *entry = self.response[v];
-        }
-        let rows = self.rows.general.iter().zip(&self.rows.places);
-        for (entry, (&row, &(j, own))) in general.iter_mut().zip(rows) {
-            *entry = if own == input { qp.rows_u[row * m + k] } else { 0.0 };
-            if j > input {
-                *entry += dot(block(&qp.rows_x, row, n), block(&self.response, j - 1, n));
+            for (k, by_u) in block(&qp.rows_u, row, m).iter().enumerate() {
+                self.dense.matrix[(input * m + k) * height + at] += by_u;
             }
         }
     }
@@ -283,39 +180,29 @@ impl CondensedQp {
         add_scaled(&mut self.dense.hessian, 1.0, &qp.w);
     }
 
-    /// The limits of v, and the limits of the rows less the rows' values at v = 0.
+    /// The limits of v, and the limits of the rows less the rows' values at v = 0, which are in
+    /// `low`.
     fn limit(&mut self, qp: &Qp) {
-        let dims = qp.dims;
-        let (n, first) = (dims.nx, dims.all_states());
-        let (low, high, penalty) =
-            (&mut self.dense.low, &mut self.dense.high, &mut self.dense.penalty);
-        let unknowns = dims.all_inputs();
+        let (unknowns, first) = (qp.dims.all_inputs(), qp.dims.all_states());
+        let DenseQp { low, high, penalty, .. } = &mut self.dense;
         low[..unknowns].copy_from_slice(&qp.bounds.low[first..]);
         high[..unknowns].copy_from_slice(&qp.bounds.high[first..]);
         penalty[..unknowns].copy_from_slice(&qp.bounds.penalty[first..]);
         let [low, high, penalty] = [low, high, penalty].map(|list| &mut list[unknowns..]);
-        let states = self.rows.states.len();
-        let sides = [(&mut *low, &qp.bounds.low), (&mut *high, &qp.bounds.high)];
-        for (to, from) in sides {
-            for (to, &v) in to.iter_mut().zip(&self.rows.states) {
-                *to = from[v] - self.offset[v];
+        let mut at = 0;
+        for (limits, places) in [
+            (&qp.bounds, &self.rows.states),
+            (&qp.increments, &self.rows.increments),
+            (&qp.rows, &self.rows.general),
+        ] {
+            let end = at + places.len();
+            let sides = low[at..end].iter_mut().zip(&mut high[at..end]);
+            for (((low, high), penalty), &i) in sides.zip(&mut penalty[at..end]).zip(places) {
+                let offset = *low;
+                (*low, *high) = (limits.low[i] - offset, limits.high[i] - offset);
+                *penalty = limits.penalty[i];
             }
-        }
-        for (to, &v) in penalty.iter_mut().zip(&self.rows.states) {
-            *to = qp.bounds.penalty[v];
-        }
-        let rest = low.iter_mut().zip(high.iter_mut()).zip(penalty.iter_mut()).skip(states);
-        let mut rest = rest.map(|((low, high), penalty)| (low, high, penalty));
-        let mut set = |limits: &Limits, i: usize, at: f64| {
-            if let Some((low, high, penalty)) = rest.next() {
-                (*low, *high, *penalty) =
-                    (limits.low[i] - at, limits.high[i] - at, limits.penalty[i]);
-            }
-        };
-        self.rows.increments.iter().for_each(|&i| set(&qp.increments, i, 0.0));
-        for (&row, &(state, _)) in self.rows.general.iter().zip(&self.rows.places) {
-            let offset = |state| dot(block(&qp.rows_x, row, n), &self.offset[state]);
-            set(&qp.rows, row, dims.state(state).map_or(0.0, offset));
+            at = end;
         }
     }
 
@@ -426,12 +313,6 @@ fn nothing_yet(step: &mut QpStep) -> QpStatus {
 #[inline(always)]
 fn neighbours(blocks: &mut [f64], j: usize, size: usize) -> (&mut [f64], &mut [f64]) {
     blocks[(j - 1) * size..(j + 1) * size].split_at_mut(size)
-}
-
-/// Two vectors, known to be of this size.
-#[inline(always)]
-fn sized(vectors: &mut [Vec<f64>; 2], size: usize) -> [&mut [f64]; 2] {
-    vectors.each_mut().map(|vector| &mut vector[..size])
 }
 
 impl QpSolver for CondensedQp {

@@ -1,0 +1,267 @@
+//! The recursions of condensing, with the columns of G in the lanes of vectors.
+
+use crate::algebra::block;
+use crate::dense::DenseQp;
+use crate::{OcpDims, Qp};
+use pinc_ad::simd::{Isa, Simd, Task};
+
+/// Lanes of the widest vector: all rows of a panel begin at a multiple of it.
+const WIDEST: usize = 8;
+
+/// Rows of a panel that are computed side by side.
+const ROWS: usize = 4;
+
+/// About how many operations there are between two looks at the clock: a few microseconds.
+const UNASKED: usize = 100_000;
+
+/// `x_{j+1} = e_{j+1} + G_{j+1} v` for all stages, and what H and the gradient are made from.
+///
+/// A *panel* is a matrix, row by row, whose column 0 belongs to the constant 1 and whose column
+/// 1 + i to the i-th of the inputs' numbers v. Its rows are padded with zeros. The columns of inputs
+/// that do not act yet are 0 or, in the adjoints and in H, not computed.
+#[derive(Debug)]
+pub(super) struct Panels {
+    isa: Isa,
+    /// The length of a panel's rows.
+    stride: usize,
+    /// `(e_{j+1}, G_{j+1})` for j = 0..N, `[N, n, stride]`.
+    states: Vec<f64>,
+    /// `(p, W)` at a stage, and at the one after, `[n, stride]` each.
+    adjoints: [Vec<f64>; 2],
+    /// The gradient and the lower triangle of H, `[Nu m, stride]`.
+    inputs: Vec<f64>,
+    /// The number of stages between two looks at the clock.
+    unasked: usize,
+}
+
+impl Panels {
+    pub(super) fn new(dims: OcpDims) -> Self {
+        let OcpDims { nx: n, nu: m, horizon, .. } = dims;
+        let stride = (1 + dims.all_inputs()).next_multiple_of(WIDEST);
+        Self {
+            isa: Isa::detect(),
+            stride,
+            states: vec![0.0; horizon * n * stride],
+            adjoints: [vec![0.0; n * stride], vec![0.0; n * stride]],
+            inputs: vec![0.0; dims.all_inputs() * stride],
+            unasked: (UNASKED / (3 * n * (n + m) * stride)).max(1),
+        }
+    }
+
+    /// e and G of the state that stage `j` leads to, row by row.
+    pub(super) fn state(&self, j: usize) -> impl ExactSizeIterator<Item = &[f64]> {
+        let n = self.adjoints[0].len() / self.stride;
+        block(&self.states, j, n * self.stride).chunks_exact(self.stride)
+    }
+
+    /// One row of this: entry i of the state.
+    pub(super) fn row(&self, j: usize, i: usize) -> &[f64] {
+        let n = self.adjoints[0].len() / self.stride;
+        block(&self.states, j * n + i, self.stride)
+    }
+
+    /// Writes H, on and below the diagonal, and the gradient. Whether it came to the end before
+    /// `expired` said that the time is up.
+    pub(super) fn condense(
+        &mut self,
+        qp: &Qp,
+        dense: &mut DenseQp,
+        expired: &mut dyn FnMut() -> bool,
+    ) -> bool {
+        let done = self.isa.dispatch(Condense { panels: self, qp, expired });
+        let (unknowns, (_, by_u)) =
+            (qp.dims.all_inputs(), qp.gradient.split_at(qp.dims.all_states()));
+        for (i, row) in self.inputs.chunks_exact(self.stride).enumerate() {
+            dense.gradient[i] = by_u[i] + row[0];
+            for (k, &entry) in row[1..i + 2].iter().enumerate() {
+                dense.hessian[k * unknowns + i] = entry;
+            }
+        }
+        done
+    }
+}
+
+/// See [`Panels::condense`].
+struct Condense<'a> {
+    panels: &'a mut Panels,
+    qp: &'a Qp,
+    expired: &'a mut dyn FnMut() -> bool,
+}
+
+impl Task for Condense<'_> {
+    type Output = bool;
+
+    #[inline(always)]
+    fn run<V: Simd>(self, zero: V) -> bool {
+        let Self { panels, qp, expired } = self;
+        sized!(qp.dims, |n, m| {
+            panels.drive(qp, n, m);
+            for j in 0..qp.dims.horizon {
+                panels.respond(zero, qp, (n, m), j);
+                if panels.looks_after(j) && expired() {
+                    return false;
+                }
+            }
+            panels.inputs.fill(0.0);
+            for j in (0..qp.dims.horizon).rev() {
+                panels.return_to(zero, qp, (n, m), j);
+                if panels.looks_after(j) && expired() {
+                    return false;
+                }
+            }
+            true
+        })
+    }
+}
+
+impl Panels {
+    /// Whether it is time to look at the clock.
+    #[inline(always)]
+    fn looks_after(&self, j: usize) -> bool {
+        j % self.unasked == self.unasked - 1
+    }
+
+    /// The width of the panels at stage `j`, whose state depends on the inputs up to the one that
+    /// acts there.
+    #[inline(always)]
+    fn width(qp: &Qp, j: usize, m: usize) -> usize {
+        1 + (qp.dims.acting(j) + 1) * m
+    }
+
+    /// The part of e and G that does not come from the state before: c and B.
+    #[inline(always)]
+    fn drive(&mut self, qp: &Qp, n: usize, m: usize) {
+        self.states.fill(0.0);
+        for j in 0..qp.dims.horizon {
+            let first = 1 + qp.dims.acting(j) * m;
+            let rows = self.states[j * n * self.stride..].chunks_exact_mut(self.stride);
+            let drives = block(&qp.c, j, n).iter().zip(block(&qp.b, j, n * m).chunks_exact(m));
+            for (row, (c, b)) in rows.zip(drives) {
+                row[0] = *c;
+                row[first..first + m].copy_from_slice(b);
+            }
+        }
+    }
+
+    /// `e_{j+1} += A_j e_j` and `G_{j+1} += A_j G_j`.
+    #[inline(always)]
+    fn respond<V: Simd>(&mut self, zero: V, qp: &Qp, (n, m): (usize, usize), j: usize) {
+        if j > 0 {
+            let (before, now) = self.states.split_at_mut(j * n * self.stride);
+            let before = &before[(j - 1) * n * self.stride..];
+            let a = Factor { matrix: block(&qp.a, j, n * n), by_row: n, by_column: 1 };
+            let width = Self::width(qp, j - 1, m);
+            add_product(zero, a, [n, n], before, now, [self.stride, width]);
+        }
+    }
+
+    /// The adjoint at the state that stage `j` leads to, and the rows of H of the input of the
+    /// stage:
+    ///
+    /// ```text
+    /// W_j = Q_j G_j + A_j' W_{j+1},    H_{j,:} += B_j' W_j
+    /// p_j = g_j + Q_j e_j + A_j' p_{j+1},    g_{u_j} += B_j' p_j
+    /// ```
+    #[inline(always)]
+    fn return_to<V: Simd>(&mut self, zero: V, qp: &Qp, (n, m): (usize, usize), j: usize) {
+        let (stride, width) = (self.stride, Self::width(qp, j, m));
+        let sizes = [stride, width];
+        let [w, next] = &mut self.adjoints;
+        std::mem::swap(w, next);
+        for (row, g) in w.chunks_exact_mut(stride).zip(block(&qp.gradient, j, n)) {
+            row[..width.next_multiple_of(V::LANES)].fill(0.0);
+            row[0] = *g;
+        }
+        if j + 1 < qp.dims.horizon {
+            let a = Factor { matrix: block(&qp.a, j + 1, n * n), by_row: 1, by_column: n };
+            add_product(zero, a, [n, n], next, w, sizes);
+        }
+        let state = block(&self.states, j, n * stride);
+        // Most states have no weight of their own.
+        let q = block(&qp.q, j, n * n);
+        for (i, q) in q.chunks(ROWS * n).enumerate() {
+            if q.iter().any(|&q| q != 0.0) {
+                let rows = &mut w[i * ROWS * stride..];
+                let q = Factor { matrix: q, by_row: n, by_column: 1 };
+                add_product(zero, q, [q.matrix.len() / n, n], state, rows, sizes);
+            }
+        }
+        for (input, s) in qp.cross(j + 1) {
+            let rows = &mut self.inputs[input * m * stride..];
+            let factor = Factor { matrix: s, by_row: n, by_column: 1 };
+            add_product(zero, factor, [m, n], state, rows, sizes);
+            if input <= qp.dims.acting(j) {
+                for (k, s) in s.chunks_exact(n).enumerate() {
+                    for (row, s) in w.chunks_exact_mut(stride).zip(s) {
+                        row[1 + input * m + k] += s;
+                    }
+                }
+            }
+        }
+        let b = Factor { matrix: block(&qp.b, j, n * m), by_row: 1, by_column: m };
+        let rows = &mut self.inputs[qp.dims.acting(j) * m * stride..];
+        add_product(zero, b, [m, n], w, rows, sizes);
+    }
+}
+
+/// A matrix, or its transpose: entry (i, k) is at `i by_row + k by_column`.
+#[derive(Clone, Copy)]
+struct Factor<'a> {
+    matrix: &'a [f64],
+    by_row: usize,
+    by_column: usize,
+}
+
+/// to += factor from, of panels; `factor` is of shape `[rows, inner]`.
+#[inline(always)]
+fn add_product<V: Simd>(
+    zero: V,
+    factor: Factor<'_>,
+    [rows, inner]: [usize; 2],
+    from: &[f64],
+    to: &mut [f64],
+    [stride, width]: [usize; 2],
+) {
+    let mut first = 0;
+    while first + ROWS <= rows {
+        add_rows::<V, ROWS>(zero, factor, [first, inner], from, to, [stride, width]);
+        first += ROWS;
+    }
+    while first + 2 <= rows {
+        add_rows::<V, 2>(zero, factor, [first, inner], from, to, [stride, width]);
+        first += 2;
+    }
+    if first < rows {
+        add_rows::<V, 1>(zero, factor, [first, inner], from, to, [stride, width]);
+    }
+}
+
+/// `R` rows of [`add_product`], from `first` on.
+#[inline(always)]
+fn add_rows<V: Simd, const R: usize>(
+    zero: V,
+    factor: Factor<'_>,
+    [first, inner]: [usize; 2],
+    from: &[f64],
+    to: &mut [f64],
+    [stride, width]: [usize; 2],
+) {
+    let Factor { matrix, by_row, by_column } = factor;
+    let to = &mut to[first * stride..(first + R) * stride];
+    for at in (0..width).step_by(V::LANES) {
+        let mut sums = [zero; R];
+        for (i, sum) in sums.iter_mut().enumerate() {
+            *sum = zero.load(&to[i * stride + at..]);
+        }
+        for (k, row) in from.chunks_exact(stride).take(inner).enumerate() {
+            let vector = zero.load(&row[at..]);
+            for (i, sum) in sums.iter_mut().enumerate() {
+                let entry = matrix[(first + i) * by_row + k * by_column];
+                *sum = vector.mul_add(zero.constant(entry), *sum);
+            }
+        }
+        for (i, sum) in sums.iter().enumerate() {
+            sum.write(&mut to[i * stride + at..]);
+        }
+    }
+}
