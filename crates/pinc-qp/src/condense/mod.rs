@@ -96,12 +96,7 @@ impl CondensedQp {
                 dense.matrix[before * height + row] = -1.0;
             }
         }
-        Self {
-            solver: ActiveSet::new(unknowns, height),
-            dense,
-            rows,
-            panels: Panels::new(dims),
-        }
+        Self { solver: ActiveSet::new(unknowns, height), dense, rows, panels: Panels::new(dims) }
     }
 
     /// How many rows joined or left the working set in the last solution.

@@ -5,7 +5,7 @@ use crate::dense::DenseQp;
 use crate::{OcpDims, Qp};
 use pinc_ad::simd::{Isa, Simd, Task};
 
-/// Lanes of the widest vector: all rows of a panel begin at a multiple of it.
+/// Lanes of the widest vector: rows of panels are multiples of two of these.
 const WIDEST: usize = 8;
 
 /// Rows of a panel that are computed side by side.
@@ -37,7 +37,7 @@ pub(super) struct Panels {
 impl Panels {
     pub(super) fn new(dims: OcpDims) -> Self {
         let OcpDims { nx: n, nu: m, horizon, .. } = dims;
-        let stride = (1 + dims.all_inputs()).next_multiple_of(WIDEST);
+        let stride = (1 + dims.all_inputs()).next_multiple_of(2 * WIDEST);
         Self {
             isa: Isa::detect(),
             stride,
@@ -169,7 +169,7 @@ impl Panels {
         let [w, next] = &mut self.adjoints;
         std::mem::swap(w, next);
         for (row, g) in w.chunks_exact_mut(stride).zip(block(&qp.gradient, j, n)) {
-            row[..width.next_multiple_of(V::LANES)].fill(0.0);
+            row[..width.next_multiple_of(2 * V::LANES)].fill(0.0);
             row[0] = *g;
         }
         if j + 1 < qp.dims.horizon {
@@ -180,7 +180,7 @@ impl Panels {
         // Most states have no weight of their own.
         let q = block(&qp.q, j, n * n);
         for (i, q) in q.chunks(ROWS * n).enumerate() {
-            if q.iter().any(|&q| q != 0.0) {
+            if !all_zero(q) {
                 let rows = &mut w[i * ROWS * stride..];
                 let q = Factor { matrix: q, by_row: n, by_column: 1 };
                 add_product(zero, q, [q.matrix.len() / n, n], state, rows, sizes);
@@ -236,7 +236,7 @@ fn add_product<V: Simd>(
     }
 }
 
-/// `R` rows of [`add_product`], from `first` on.
+/// `R` rows of [`add_product`], from `first` on: two vectors of each side by side, then one.
 #[inline(always)]
 fn add_rows<V: Simd, const R: usize>(
     zero: V,
@@ -246,22 +246,59 @@ fn add_rows<V: Simd, const R: usize>(
     to: &mut [f64],
     [stride, width]: [usize; 2],
 ) {
-    let Factor { matrix, by_row, by_column } = factor;
     let to = &mut to[first * stride..(first + R) * stride];
-    for at in (0..width).step_by(V::LANES) {
-        let mut sums = [zero; R];
-        for (i, sum) in sums.iter_mut().enumerate() {
-            *sum = zero.load(&to[i * stride + at..]);
-        }
-        for (k, row) in from.chunks_exact(stride).take(inner).enumerate() {
-            let vector = zero.load(&row[at..]);
-            for (i, sum) in sums.iter_mut().enumerate() {
-                let entry = matrix[(first + i) * by_row + k * by_column];
-                *sum = vector.mul_add(zero.constant(entry), *sum);
-            }
-        }
-        for (i, sum) in sums.iter().enumerate() {
-            sum.write(&mut to[i * stride + at..]);
+    let from = &from[..inner * stride];
+    let (mut at, sizes) = (0, [first, stride]);
+    while at + V::LANES < width {
+        add_tile::<V, R, 2>(zero, factor, from, to, at, sizes);
+        at += 2 * V::LANES;
+    }
+    if at < width {
+        add_tile::<V, R, 1>(zero, factor, from, to, at, sizes);
+    }
+}
+
+/// `C` vectors of each of `R` rows of [`add_product`], from column `at` on.
+#[inline(always)]
+fn add_tile<V: Simd, const R: usize, const C: usize>(
+    zero: V,
+    Factor { matrix, by_row, by_column }: Factor<'_>,
+    from: &[f64],
+    to: &mut [f64],
+    at: usize,
+    [first, stride]: [usize; 2],
+) {
+    let mut sums = [[zero; C]; R];
+    for (row, sums) in to.chunks_exact(stride).zip(&mut sums) {
+        for (c, sum) in sums.iter_mut().enumerate() {
+            *sum = zero.load(&row[at + c * V::LANES..]);
         }
     }
+    for (k, row) in from.chunks_exact(stride).enumerate() {
+        let mut vectors = [zero; C];
+        for (c, vector) in vectors.iter_mut().enumerate() {
+            *vector = zero.load(&row[at + c * V::LANES..]);
+        }
+        for (i, sums) in sums.iter_mut().enumerate() {
+            let entry = zero.constant(matrix[(first + i) * by_row + k * by_column]);
+            for (sum, vector) in sums.iter_mut().zip(vectors) {
+                *sum = vector.mul_add(entry, *sum);
+            }
+        }
+    }
+    for (row, sums) in to.chunks_exact_mut(stride).zip(&sums) {
+        for (c, sum) in sums.iter().enumerate() {
+            sum.write(&mut row[at + c * V::LANES..]);
+        }
+    }
+}
+
+/// Whether there are only zeros. All are looked at, in vectors.
+#[inline(always)]
+fn all_zero(values: &[f64]) -> bool {
+    let mut bits = 0;
+    for value in values {
+        bits |= value.to_bits();
+    }
+    bits == 0
 }
