@@ -36,6 +36,7 @@ mod dense;
 mod factor;
 mod multipliers;
 mod ocp_dims;
+mod product;
 mod riccati;
 #[cfg(test)]
 mod tests;
@@ -377,13 +378,15 @@ impl Qp {
                 inputs[before] -= nu;
             }
         }
-        for RowBlock { rows, state, input } in dims.all_row_blocks() {
-            let eta = &multipliers.rows[rows.clone()];
-            let [by_x, by_u] = self.row_jacobians(rows);
-            if let Some(state) = dims.state(state) {
-                add_transposed(by_x, eta, &mut gradient[state]);
+        for j in dims.stages_with_rows() {
+            for RowBlock { rows, state, input } in dims.row_blocks(j) {
+                let eta = &multipliers.rows[rows.clone()];
+                let [by_x, by_u] = self.row_jacobians(rows);
+                if let Some(state) = dims.state(state) {
+                    add_transposed(by_x, eta, &mut gradient[state]);
+                }
+                add_transposed(by_u, eta, &mut gradient[dims.input(input)]);
             }
-            add_transposed(by_u, eta, &mut gradient[dims.input(input)]);
         }
     }
 

@@ -236,11 +236,18 @@ impl OcpDims {
         (block.state, block.input)
     }
 
+    /// The stages that have rows: N1 to N2, or none.
+    #[must_use]
+    #[inline]
+    pub fn stages_with_rows(self) -> Range<usize> {
+        if self.rows() > 0 { self.constrained() } else { 0..0 }
+    }
+
     /// All rows, in their order.
     #[inline]
     pub fn all_row_blocks(self) -> impl Iterator<Item = RowBlock> {
-        let stages = if self.rows() > 0 { self.constrained() } else { 0..0 };
-        stages.flat_map(move |j| self.row_blocks(j)).filter(|block| !block.rows.is_empty())
+        let blocks = self.stages_with_rows().flat_map(move |j| self.row_blocks(j));
+        blocks.filter(|block| !block.rows.is_empty())
     }
 
     /// Moves a vector of the unknowns on by one stage: each node takes over from the node one stage

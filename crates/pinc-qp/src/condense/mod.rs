@@ -7,6 +7,7 @@ use super::dense::{ActiveSet, DenseQp, DenseStatus};
 use super::{Kind, Limits, Qp, QpSolver, QpStatus, QpStep, QpWork, Row};
 use crate::{OcpDims, RowBlock};
 use panels::Panels;
+use pinc_ad::simd::{Isa, Simd, Task};
 
 /// Solves a [`Qp`] by eliminating its states and giving what is left, a small dense program in the
 /// inputs, to the active-set method.
@@ -30,6 +31,7 @@ pub(super) struct CondensedQp {
     solver: ActiveSet,
     rows: DenseRows,
     panels: Panels,
+    isa: Isa,
 }
 
 /// What the rows of C are: their places in the QP's limits, the kinds one after the other.
@@ -96,7 +98,13 @@ impl CondensedQp {
                 dense.matrix[before * height + row] = -1.0;
             }
         }
-        Self { solver: ActiveSet::new(unknowns, height), dense, rows, panels: Panels::new(dims) }
+        Self {
+            solver: ActiveSet::new(unknowns, height),
+            dense,
+            rows,
+            panels: Panels::new(dims),
+            isa: Isa::detect(),
+        }
     }
 
     /// How many rows joined or left the working set in the last solution.
@@ -221,7 +229,7 @@ impl CondensedQp {
     fn expand(&mut self, qp: &Qp, step: &mut QpStep) {
         self.read_multipliers(qp, step);
         step.d[qp.dims.all_states()..].copy_from_slice(self.solver.x());
-        sized!(qp.dims, |n, m| expand_sized(qp, step, n, m));
+        self.isa.dispatch(Expand { qp, step });
     }
 
     fn read_multipliers(&mut self, qp: &Qp, step: &mut QpStep) {
@@ -248,6 +256,22 @@ impl CondensedQp {
             None => (Kind::Bound, qp.dims.all_states() + row),
         };
         Row { kind, index, upper: self.solver.multipliers()[row] > 0.0 }
+    }
+}
+
+/// See [`CondensedQp::expand`].
+struct Expand<'a> {
+    qp: &'a Qp,
+    step: &'a mut QpStep,
+}
+
+impl Task for Expand<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<V: Simd>(self, _: V) {
+        let Self { qp, step } = self;
+        sized!(qp.dims, |n, m| expand_sized(qp, step, n, m));
     }
 }
 

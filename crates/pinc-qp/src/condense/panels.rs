@@ -2,14 +2,9 @@
 
 use crate::algebra::block;
 use crate::dense::DenseQp;
+use crate::product::{Factor, ROWS, add_product, padded};
 use crate::{OcpDims, Qp};
 use pinc_ad::simd::{Isa, Simd, Task};
-
-/// Lanes of the widest vector: rows of panels are multiples of two of these.
-const WIDEST: usize = 8;
-
-/// Rows of a panel that are computed side by side.
-const ROWS: usize = 4;
 
 /// About how many operations there are between two looks at the clock: a few microseconds.
 const UNASKED: usize = 100_000;
@@ -37,7 +32,7 @@ pub(super) struct Panels {
 impl Panels {
     pub(super) fn new(dims: OcpDims) -> Self {
         let OcpDims { nx: n, nu: m, horizon, .. } = dims;
-        let stride = (1 + dims.all_inputs()).next_multiple_of(2 * WIDEST);
+        let stride = padded(1 + dims.all_inputs());
         Self {
             isa: Isa::detect(),
             stride,
@@ -201,95 +196,6 @@ impl Panels {
         let b = Factor { matrix: block(&qp.b, j, n * m), by_row: 1, by_column: m };
         let rows = &mut self.inputs[qp.dims.acting(j) * m * stride..];
         add_product(zero, b, [m, n], w, rows, sizes);
-    }
-}
-
-/// A matrix, or its transpose: entry (i, k) is at `i by_row + k by_column`.
-#[derive(Clone, Copy)]
-struct Factor<'a> {
-    matrix: &'a [f64],
-    by_row: usize,
-    by_column: usize,
-}
-
-/// to += factor from, of panels; `factor` is of shape `[rows, inner]`.
-#[inline(always)]
-fn add_product<V: Simd>(
-    zero: V,
-    factor: Factor<'_>,
-    [rows, inner]: [usize; 2],
-    from: &[f64],
-    to: &mut [f64],
-    [stride, width]: [usize; 2],
-) {
-    let mut first = 0;
-    while first + ROWS <= rows {
-        add_rows::<V, ROWS>(zero, factor, [first, inner], from, to, [stride, width]);
-        first += ROWS;
-    }
-    while first + 2 <= rows {
-        add_rows::<V, 2>(zero, factor, [first, inner], from, to, [stride, width]);
-        first += 2;
-    }
-    if first < rows {
-        add_rows::<V, 1>(zero, factor, [first, inner], from, to, [stride, width]);
-    }
-}
-
-/// `R` rows of [`add_product`], from `first` on: two vectors of each side by side, then one.
-#[inline(always)]
-fn add_rows<V: Simd, const R: usize>(
-    zero: V,
-    factor: Factor<'_>,
-    [first, inner]: [usize; 2],
-    from: &[f64],
-    to: &mut [f64],
-    [stride, width]: [usize; 2],
-) {
-    let to = &mut to[first * stride..(first + R) * stride];
-    let from = &from[..inner * stride];
-    let (mut at, sizes) = (0, [first, stride]);
-    while at + V::LANES < width {
-        add_tile::<V, R, 2>(zero, factor, from, to, at, sizes);
-        at += 2 * V::LANES;
-    }
-    if at < width {
-        add_tile::<V, R, 1>(zero, factor, from, to, at, sizes);
-    }
-}
-
-/// `C` vectors of each of `R` rows of [`add_product`], from column `at` on.
-#[inline(always)]
-fn add_tile<V: Simd, const R: usize, const C: usize>(
-    zero: V,
-    Factor { matrix, by_row, by_column }: Factor<'_>,
-    from: &[f64],
-    to: &mut [f64],
-    at: usize,
-    [first, stride]: [usize; 2],
-) {
-    let mut sums = [[zero; C]; R];
-    for (row, sums) in to.chunks_exact(stride).zip(&mut sums) {
-        for (c, sum) in sums.iter_mut().enumerate() {
-            *sum = zero.load(&row[at + c * V::LANES..]);
-        }
-    }
-    for (k, row) in from.chunks_exact(stride).enumerate() {
-        let mut vectors = [zero; C];
-        for (c, vector) in vectors.iter_mut().enumerate() {
-            *vector = zero.load(&row[at + c * V::LANES..]);
-        }
-        for (i, sums) in sums.iter_mut().enumerate() {
-            let entry = zero.constant(matrix[(first + i) * by_row + k * by_column]);
-            for (sum, vector) in sums.iter_mut().zip(vectors) {
-                *sum = vector.mul_add(entry, *sum);
-            }
-        }
-    }
-    for (row, sums) in to.chunks_exact_mut(stride).zip(&sums) {
-        for (c, sum) in sums.iter().enumerate() {
-            sum.write(&mut row[at + c * V::LANES..]);
-        }
     }
 }
 

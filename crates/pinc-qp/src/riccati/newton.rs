@@ -5,6 +5,7 @@ use super::rows::Rows;
 use crate::OcpDims;
 use crate::algebra::{add_product, add_scaled, add_transposed, block, block_mut, dot};
 use crate::{Qp, QpStep};
+use pinc_ad::simd::{Isa, Simd, Task};
 
 /// d, lambda and mu of a [`Qp`], the residuals of the optimality conditions there, and steps from
 /// there:
@@ -20,6 +21,7 @@ use crate::{Qp, QpStep};
 #[derive(Clone, Debug)]
 pub(super) struct Newton {
     pub(super) rows: Rows,
+    isa: Isa,
     riccati: Riccati,
     pub(super) d: Vec<f64>,
     pub(super) lambda: Vec<f64>,
@@ -49,6 +51,7 @@ impl Newton {
         let dynamics = || vec![0.0; dims.all_states()];
         Self {
             rows,
+            isa: Isa::detect(),
             riccati: Riccati::new(dims),
             d: unknowns(),
             lambda: dynamics(),
@@ -79,7 +82,7 @@ impl Newton {
 
     /// Computes values, slope and defect.
     pub(super) fn residuals(&mut self, qp: &Qp) {
-        sized!(qp.dims, |n, m| self.residuals_sized(qp, n, m));
+        self.isa.dispatch(Residuals { newton: self, qp });
     }
 
     #[inline(always)]
@@ -184,6 +187,22 @@ impl Newton {
     }
 }
 
+/// See [`Newton::residuals`].
+struct Residuals<'a> {
+    newton: &'a mut Newton,
+    qp: &'a Qp,
+}
+
+impl Task for Residuals<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<V: Simd>(self, _: V) {
+        let Self { newton, qp } = self;
+        sized!(qp.dims, |n, m| newton.residuals_sized(qp, n, m));
+    }
+}
+
 /// How stiffly active rows are held, between the least and the greatest curvature of the cost in
 /// the middle.
 const STIFFNESS: f64 = 1e6;
@@ -193,14 +212,16 @@ const STIFFNESS: f64 = 1e6;
 /// rounding.
 pub(super) fn stiffness(qp: &Qp) -> f64 {
     let OcpDims { nx: n, nu: m, .. } = qp.dims;
-    let diagonals = [(&qp.q, n), (&qp.r, m), (&qp.t, m)].into_iter().flat_map(|(blocks, size)| {
-        blocks.chunks_exact(size * size).flat_map(move |block| block.iter().step_by(size + 1))
-    });
-    let curvatures = diagonals.filter(|&&curvature| curvature > 0.0);
-    let ends = curvatures.fold(None, |ends, &curvature| {
-        let (least, most) = ends.unwrap_or((curvature, curvature));
-        Some((curvature.min(least), curvature.max(most)))
-    });
-    let (least, most) = ends.unwrap_or((1.0, 1.0));
+    let (mut least, mut most) = (f64::INFINITY, 0.0_f64);
+    for (blocks, size) in [(&qp.q, n), (&qp.r, m), (&qp.t, m)] {
+        for block in blocks.chunks_exact(size * size) {
+            for &curvature in block.iter().step_by(size + 1).filter(|&&curvature| curvature > 0.0) {
+                (least, most) = (curvature.min(least), curvature.max(most));
+            }
+        }
+    }
+    if most <= 0.0 {
+        return STIFFNESS;
+    }
     STIFFNESS * (least.max(1e-8 * most) * most).sqrt()
 }

@@ -1,8 +1,10 @@
 //! The Riccati recursion.
 
-use crate::algebra::{add_product, add_scaled, add_transposed, block, block_mut};
+use crate::algebra::{self, add_scaled, add_transposed, block, block_mut};
 use crate::factor::Cholesky;
+use crate::product::{Factor, add_product, padded};
 use crate::{OcpDims, Qp, RowBlock};
+use pinc_ad::simd::{Isa, Simd, Task};
 use std::ops::Range;
 
 /// Solves the equality-constrained part of a [`Qp`], with weights D on its rows C d (see
@@ -32,6 +34,7 @@ use std::ops::Range;
 #[derive(Clone, Debug)]
 pub(super) struct Riccati {
     dims: OcpDims,
+    isa: Isa,
     /// P of `s_0` .. `s_N`, `[N + 1, n + m, n + m]`; of a node that has not been reached, the M of
     /// its children so far.
     p: Vec<f64>,
@@ -43,10 +46,13 @@ pub(super) struct Riccati {
     linear: Vec<f64>,
     /// `-G^-1 m_u`, `[Nu, m]`.
     forward: Vec<f64>,
-    /// P F, then G
+    /// (A B), P F and F'P F in padded rows, `[n, stride]`, `[n + m, stride]` twice.
+    model: Vec<f64>,
     product: Vec<f64>,
-    /// What a stage adds to M where it is not the first to do so.
     merged: Vec<f64>,
+    stride: usize,
+    /// G
+    weight: Vec<f64>,
     /// What a stage adds to m, and the state of the rollout.
     vector: Vec<f64>,
     sum: Vec<f64>,
@@ -60,15 +66,20 @@ impl Riccati {
     pub(super) fn new(dims: OcpDims) -> Self {
         let (n, m) = (dims.nx, dims.nu);
         let s = n + m;
+        let stride = padded(s);
         Self {
             dims,
+            isa: Isa::detect(),
             p: vec![0.0; (dims.horizon + 1) * s * s],
             gain: vec![0.0; dims.n_controls * s * m],
             pivot: vec![Cholesky::new(m); dims.n_controls],
             linear: vec![0.0; (dims.horizon + 1) * s],
             forward: vec![0.0; dims.all_inputs()],
-            product: vec![0.0; s * s],
-            merged: vec![0.0; s * s],
+            model: vec![0.0; n * stride],
+            product: vec![0.0; s * stride],
+            merged: vec![0.0; s * stride],
+            stride,
+            weight: vec![0.0; m * m],
             vector: vec![0.0; s],
             sum: vec![0.0; s],
         }
@@ -82,12 +93,13 @@ impl Riccati {
         weights: &[f64],
         expired: &mut dyn FnMut() -> bool,
     ) -> bool {
-        sized!(self.dims, |n, m| self.factor_sized(qp, weights, (n, m), expired))
+        self.isa.dispatch(Factorize { riccati: self, qp, weights, expired })
     }
 
     #[inline(always)]
-    fn factor_sized(
+    fn factor_sized<V: Simd>(
         &mut self,
+        zero: V,
         qp: &Qp,
         weights: &[f64],
         (n, m): (usize, usize),
@@ -120,25 +132,45 @@ impl Riccati {
             }
             add_cross(qp.s_before(j), self.dims, p);
             symmetrize(p, s);
-            self.hand_on(qp, stage, (n, m));
+            self.hand_on(zero, qp, stage, (n, m));
         }
         true
     }
 
-    /// Adds the cost of a stage with all that follows to the M of the node that it leads from.
+    /// Adds the cost of a stage with all that follows, F'P F, to the M of the node that it leads
+    /// from.
     #[inline(always)]
-    fn hand_on(&mut self, qp: &Qp, stage: usize, (n, m): (usize, usize)) {
-        let s = n + m;
+    fn hand_on<V: Simd>(&mut self, zero: V, qp: &Qp, stage: usize, (n, m): (usize, usize)) {
+        let (s, stride) = (n + m, self.stride);
         let origin = self.dims.origin(stage);
         let (before, p) = self.p.split_at_mut((stage + 1) * s * s);
         let (p, target) = (&p[..s * s], block_mut(before, origin, s * s));
-        let model = (block(&qp.a, stage, n * n), block(&qp.b, stage, n * m));
-        if stage + 1 == self.dims.stages_from(origin).end {
-            // The first in the order of the recursion.
-            merge(p, model, (n, m), &mut self.product, target);
-        } else {
-            merge(p, model, (n, m), &mut self.product, &mut self.merged);
-            add_scaled(target, 1.0, &self.merged);
+        let rows = block(&qp.a, stage, n * n).chunks_exact(n);
+        let rows = rows.zip(block(&qp.b, stage, n * m).chunks_exact(m));
+        for (row, (a, b)) in self.model.chunks_exact_mut(stride).zip(rows) {
+            row[..n].copy_from_slice(a);
+            row[n..s].copy_from_slice(b);
+        }
+        // F = (A B; 0 I): of P F and of F'(P F), what comes of I, then what comes of (A B).
+        for (row, p) in self.product.chunks_exact_mut(stride).zip(p.chunks_exact(s)) {
+            row[..n].fill(0.0);
+            row[n..s].copy_from_slice(&p[n..]);
+        }
+        let p = Factor { matrix: p, by_row: s, by_column: 1 };
+        add_product(zero, p, [s, n], &self.model, &mut self.product, [stride, s]);
+        let (x, u) = self.merged.split_at_mut(n * stride);
+        x.fill(0.0);
+        u.copy_from_slice(&self.product[n * stride..]);
+        let f = Factor { matrix: &self.model, by_row: 1, by_column: stride };
+        add_product(zero, f, [s, n], &self.product, &mut self.merged, [stride, s]);
+        // The first in the order of the recursion sets M.
+        let first = stage + 1 == self.dims.stages_from(origin).end;
+        for (to, row) in target.chunks_exact_mut(s).zip(self.merged.chunks_exact(stride)) {
+            if first {
+                to.copy_from_slice(&row[..s]);
+            } else {
+                add_scaled(to, 1.0, &row[..s]);
+            }
         }
     }
 
@@ -187,7 +219,7 @@ impl Riccati {
     fn eliminate(&mut self, j: usize, r: &[f64], weights: &[f64], (n, m): (usize, usize)) -> bool {
         let s = n + m;
         let merged = block_mut(&mut self.p, j, s * s);
-        let pivot = &mut self.product[..m * m];
+        let pivot = &mut self.weight[..m * m];
         for (k, column) in pivot.chunks_exact_mut(m).enumerate() {
             column.copy_from_slice(&merged[(n + k) * s + n..(n + k + 1) * s]);
             add_scaled(column, 1.0, &r[k * m..]);
@@ -223,10 +255,7 @@ impl Riccati {
         d: &mut [f64],
         lambda: &mut [f64],
     ) {
-        sized!(self.dims, |n, m| {
-            self.backward(qp, g, c, (n, m));
-            self.roll_out(qp, c, d, lambda, (n, m));
-        });
+        self.isa.dispatch(Solve { riccati: self, qp, g, c, d, lambda });
     }
 
     #[inline(always)]
@@ -297,9 +326,9 @@ impl Riccati {
                 u.copy_from_slice(block(inputs, acting, m));
                 x.copy_from_slice(block(c, stage, n));
                 if let Some(before) = origin.checked_sub(1) {
-                    add_product(block(&qp.a, stage, n * n), block(states, before, n), x);
+                    algebra::add_product(block(&qp.a, stage, n * n), block(states, before, n), x);
                 }
-                add_product(block(&qp.b, stage, n * m), u, x);
+                algebra::add_product(block(&qp.b, stage, n * m), u, x);
                 block_mut(states, stage, n).copy_from_slice(x);
 
                 let lambda = block_mut(lambda, stage, n);
@@ -321,6 +350,47 @@ impl Riccati {
                 }
             }
         }
+    }
+}
+
+/// See [`Riccati::factor`].
+struct Factorize<'a> {
+    riccati: &'a mut Riccati,
+    qp: &'a Qp,
+    weights: &'a [f64],
+    expired: &'a mut dyn FnMut() -> bool,
+}
+
+impl Task for Factorize<'_> {
+    type Output = bool;
+
+    #[inline(always)]
+    fn run<V: Simd>(self, zero: V) -> bool {
+        let Self { riccati, qp, weights, expired } = self;
+        sized!(riccati.dims, |n, m| riccati.factor_sized(zero, qp, weights, (n, m), expired))
+    }
+}
+
+/// See [`Riccati::solve`]. The loops are vectorized by the compiler.
+struct Solve<'a> {
+    riccati: &'a mut Riccati,
+    qp: &'a Qp,
+    g: &'a [f64],
+    c: &'a [f64],
+    d: &'a mut [f64],
+    lambda: &'a mut [f64],
+}
+
+impl Task for Solve<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<V: Simd>(self, _: V) {
+        let Self { riccati, qp, g, c, d, lambda } = self;
+        sized!(riccati.dims, |n, m| {
+            riccati.backward(qp, g, c, (n, m));
+            riccati.roll_out(qp, c, d, lambda, (n, m));
+        });
     }
 }
 
@@ -374,48 +444,15 @@ impl<'a> RowWeights<'a> {
 
     fn add_rows(&self, qp: &Qp, rows: Range<usize>, matrix: &mut [f64]) {
         let (n, m) = (qp.dims.nx, qp.dims.nu);
-        let s = n + m;
         let [by_x, by_u] = qp.row_jacobians(rows.clone());
         let jacobians = by_x.chunks_exact(n).zip(by_u.chunks_exact(m));
         for (weight, (by_x, by_u)) in self.general[rows].iter().zip(jacobians) {
-            let normal = |i: usize| if i < n { by_x[i] } else { by_u[i - n] };
-            for c in 0..s {
-                let factor = weight * normal(c);
-                for r in 0..s {
-                    matrix[c * s + r] += factor * normal(r);
-                }
+            let normal = by_x.iter().chain(by_u);
+            for (column, entry) in matrix.chunks_exact_mut(n + m).zip(normal) {
+                let (x, u) = column.split_at_mut(n);
+                add_scaled(x, weight * entry, by_x);
+                add_scaled(u, weight * entry, by_u);
             }
         }
-    }
-}
-
-/// Writes F'P F, with the product P F in between; all column by column.
-#[inline(always)]
-fn merge(
-    p: &[f64],
-    (a, b): (&[f64], &[f64]),
-    (n, m): (usize, usize),
-    product: &mut [f64],
-    merged: &mut [f64],
-) {
-    let s = n + m;
-    for (c, column) in product.chunks_exact_mut(s).take(s).enumerate() {
-        if c < n {
-            column.fill(0.0);
-        } else {
-            column.copy_from_slice(block(p, c, s));
-        }
-        for (k, p) in p.chunks_exact(s).take(n).enumerate() {
-            let entry = if c < n { a[k * n + c] } else { b[k * m + c - n] };
-            add_scaled(column, entry, p);
-        }
-    }
-    let columns = merged.chunks_exact_mut(s).zip(product.chunks_exact(s)).take(s);
-    for (column, product) in columns {
-        let (x, u) = column.split_at_mut(n);
-        x.fill(0.0);
-        u.copy_from_slice(&product[n..]);
-        add_transposed(a, &product[..n], x);
-        add_transposed(b, &product[..n], u);
     }
 }

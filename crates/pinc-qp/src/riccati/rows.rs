@@ -46,17 +46,19 @@ impl Rows {
                 *increment -= dims.entry_before(v).map_or(0.0, |before| inputs[before]);
             }
         }
-        for RowBlock { rows, state, input } in dims.all_row_blocks() {
-            let u = &d[dims.input(input)];
-            let [by_x, by_u] = qp.row_jacobians(rows.clone());
-            let values = general[rows].iter_mut().zip(by_u.chunks_exact(m));
-            if let Some(state) = dims.state(state) {
-                let x = &d[state];
-                for ((value, by_u), by_x) in values.zip(by_x.chunks_exact(n)) {
-                    *value = dot(by_x, x) + dot(by_u, u);
+        for j in dims.stages_with_rows() {
+            for RowBlock { rows, state, input } in dims.row_blocks(j) {
+                let u = &d[dims.input(input)];
+                let [by_x, by_u] = qp.row_jacobians(rows.clone());
+                let values = general[rows].iter_mut().zip(by_u.chunks_exact(m));
+                if let Some(state) = dims.state(state) {
+                    let x = &d[state];
+                    for ((value, by_u), by_x) in values.zip(by_x.chunks_exact(n)) {
+                        *value = dot(by_x, x) + dot(by_u, u);
+                    }
+                } else {
+                    values.for_each(|(value, by_u)| *value = dot(by_u, u));
                 }
-            } else {
-                values.for_each(|(value, by_u)| *value = dot(by_u, u));
             }
         }
     }
@@ -82,15 +84,17 @@ impl Rows {
                 dims.entry_before(v).into_iter().for_each(|before| inputs[before] -= factor);
             }
         }
-        for RowBlock { rows, state, input } in dims.all_row_blocks() {
-            let (state, input) = (dims.state(state), dims.input(input));
-            let [by_x, by_u] = qp.row_jacobians(rows.clone());
-            let jacobians = by_x.chunks_exact(n).zip(by_u.chunks_exact(m));
-            for (factor, (by_x, by_u)) in general[rows].iter().zip(jacobians) {
-                if let Some(state) = &state {
-                    add_scaled(&mut sum[state.clone()], *factor, by_x);
+        for j in dims.stages_with_rows() {
+            for RowBlock { rows, state, input } in dims.row_blocks(j) {
+                let (state, input) = (dims.state(state), dims.input(input));
+                let [by_x, by_u] = qp.row_jacobians(rows.clone());
+                let jacobians = by_x.chunks_exact(n).zip(by_u.chunks_exact(m));
+                for (factor, (by_x, by_u)) in general[rows].iter().zip(jacobians) {
+                    if let Some(state) = &state {
+                        add_scaled(&mut sum[state.clone()], *factor, by_x);
+                    }
+                    add_scaled(&mut sum[input.clone()], *factor, by_u);
                 }
-                add_scaled(&mut sum[input.clone()], *factor, by_u);
             }
         }
     }
