@@ -2,7 +2,7 @@
 
 use crate::algebra::block;
 use crate::dense::DenseQp;
-use crate::product::{Factor, ROWS, add_product, padded};
+use crate::product::{Factor, ROWS, To, multiply, padded};
 use crate::{OcpDims, Qp};
 use pinc_ad::simd::{Isa, Simd, Task};
 
@@ -146,7 +146,7 @@ impl Panels {
             let before = &before[(j - 1) * n * self.stride..];
             let a = Factor { matrix: block(&qp.a, j, n * n), by_row: n, by_column: 1 };
             let width = Self::width(qp, j - 1, m);
-            add_product(zero, a, [n, n], before, now, [self.stride, width]);
+            multiply(zero, To::Add, a, [n, n], before, now, [self.stride, width]);
         }
     }
 
@@ -164,12 +164,12 @@ impl Panels {
         let [w, next] = &mut self.adjoints;
         std::mem::swap(w, next);
         for (row, g) in w.chunks_exact_mut(stride).zip(block(&qp.gradient, j, n)) {
-            row[..width.next_multiple_of(2 * V::LANES)].fill(0.0);
+            row[..(width + V::LANES).next_multiple_of(V::LANES).min(stride)].fill(0.0);
             row[0] = *g;
         }
         if j + 1 < qp.dims.horizon {
             let a = Factor { matrix: block(&qp.a, j + 1, n * n), by_row: 1, by_column: n };
-            add_product(zero, a, [n, n], next, w, sizes);
+            multiply(zero, To::Add, a, [n, n], next, w, sizes);
         }
         let state = block(&self.states, j, n * stride);
         // Most states have no weight of their own.
@@ -178,13 +178,13 @@ impl Panels {
             if !all_zero(q) {
                 let rows = &mut w[i * ROWS * stride..];
                 let q = Factor { matrix: q, by_row: n, by_column: 1 };
-                add_product(zero, q, [q.matrix.len() / n, n], state, rows, sizes);
+                multiply(zero, To::Add, q, [q.matrix.len() / n, n], state, rows, sizes);
             }
         }
         for (input, s) in qp.cross(j + 1) {
             let rows = &mut self.inputs[input * m * stride..];
             let factor = Factor { matrix: s, by_row: n, by_column: 1 };
-            add_product(zero, factor, [m, n], state, rows, sizes);
+            multiply(zero, To::Add, factor, [m, n], state, rows, sizes);
             if input <= qp.dims.acting(j) {
                 for (k, s) in s.chunks_exact(n).enumerate() {
                     for (row, s) in w.chunks_exact_mut(stride).zip(s) {
@@ -195,7 +195,7 @@ impl Panels {
         }
         let b = Factor { matrix: block(&qp.b, j, n * m), by_row: 1, by_column: m };
         let rows = &mut self.inputs[qp.dims.acting(j) * m * stride..];
-        add_product(zero, b, [m, n], w, rows, sizes);
+        multiply(zero, To::Add, b, [m, n], w, rows, sizes);
     }
 }
 

@@ -1,8 +1,8 @@
 //! The Riccati recursion.
 
-use crate::algebra::{self, add_scaled, add_transposed, block, block_mut};
+use crate::algebra::{add_product, add_scaled, add_transposed, block, block_mut};
 use crate::factor::Cholesky;
-use crate::product::{Factor, add_product, padded};
+use crate::product::{Factor, To, multiply, padded};
 use crate::{OcpDims, Qp, RowBlock};
 use pinc_ad::simd::{Isa, Simd, Task};
 use std::ops::Range;
@@ -46,8 +46,9 @@ pub(super) struct Riccati {
     linear: Vec<f64>,
     /// `-G^-1 m_u`, `[Nu, m]`.
     forward: Vec<f64>,
-    /// (A B), P F and F'P F in padded rows, `[n, stride]`, `[n + m, stride]` twice.
-    model: Vec<f64>,
+    /// F of a stage and of the one before, P F and F'P F, in padded rows: `[2, n + m, stride]`,
+    /// `[n + m, stride]` twice.
+    models: Vec<f64>,
     product: Vec<f64>,
     merged: Vec<f64>,
     stride: usize,
@@ -75,7 +76,7 @@ impl Riccati {
             pivot: vec![Cholesky::new(m); dims.n_controls],
             linear: vec![0.0; (dims.horizon + 1) * s],
             forward: vec![0.0; dims.all_inputs()],
-            model: vec![0.0; n * stride],
+            models: models((n, m), stride),
             product: vec![0.0; s * stride],
             merged: vec![0.0; s * stride],
             stride,
@@ -109,6 +110,7 @@ impl Riccati {
         let s = n + m;
         let unasked = (UNASKED / (4 * s * s * s)).max(1);
         let by_row = RowWeights::new(self.dims, weights);
+        self.read_model(qp, horizon - 1, (n, m));
         let mut next_look = horizon.checked_sub(unasked);
         for j in (0..=horizon).rev() {
             if next_look == Some(j) {
@@ -137,32 +139,36 @@ impl Riccati {
         true
     }
 
+    /// Writes A and B of a stage into F.
+    #[inline(always)]
+    fn read_model(&mut self, qp: &Qp, stage: usize, (n, m): (usize, usize)) {
+        let (s, stride) = (n + m, self.stride);
+        let rows = block(&qp.a, stage, n * n).chunks_exact(n);
+        let rows = rows.zip(block(&qp.b, stage, n * m).chunks_exact(m));
+        let f = block_mut(&mut self.models, stage % 2, s * stride);
+        for (row, (a, b)) in f.chunks_exact_mut(stride).zip(rows) {
+            row[..n].copy_from_slice(a);
+            row[n..s].copy_from_slice(b);
+        }
+    }
+
     /// Adds the cost of a stage with all that follows, F'P F, to the M of the node that it leads
     /// from.
     #[inline(always)]
     fn hand_on<V: Simd>(&mut self, zero: V, qp: &Qp, stage: usize, (n, m): (usize, usize)) {
+        // A vector that is read soon after its numbers were written one by one has to wait.
+        if let Some(next) = stage.checked_sub(1) {
+            self.read_model(qp, next, (n, m));
+        }
         let (s, stride) = (n + m, self.stride);
         let origin = self.dims.origin(stage);
         let (before, p) = self.p.split_at_mut((stage + 1) * s * s);
         let (p, target) = (&p[..s * s], block_mut(before, origin, s * s));
-        let rows = block(&qp.a, stage, n * n).chunks_exact(n);
-        let rows = rows.zip(block(&qp.b, stage, n * m).chunks_exact(m));
-        for (row, (a, b)) in self.model.chunks_exact_mut(stride).zip(rows) {
-            row[..n].copy_from_slice(a);
-            row[n..s].copy_from_slice(b);
-        }
-        // F = (A B; 0 I): of P F and of F'(P F), what comes of I, then what comes of (A B).
-        for (row, p) in self.product.chunks_exact_mut(stride).zip(p.chunks_exact(s)) {
-            row[..n].fill(0.0);
-            row[n..s].copy_from_slice(&p[n..]);
-        }
+        let f = block(&self.models, stage % 2, s * stride);
         let p = Factor { matrix: p, by_row: s, by_column: 1 };
-        add_product(zero, p, [s, n], &self.model, &mut self.product, [stride, s]);
-        let (x, u) = self.merged.split_at_mut(n * stride);
-        x.fill(0.0);
-        u.copy_from_slice(&self.product[n * stride..]);
-        let f = Factor { matrix: &self.model, by_row: 1, by_column: stride };
-        add_product(zero, f, [s, n], &self.product, &mut self.merged, [stride, s]);
+        multiply(zero, To::Set, p, [s, s], f, &mut self.product, [stride, s]);
+        let transposed = Factor { matrix: f, by_row: 1, by_column: stride };
+        multiply(zero, To::Set, transposed, [s, s], &self.product, &mut self.merged, [stride, s]);
         // The first in the order of the recursion sets M.
         let first = stage + 1 == self.dims.stages_from(origin).end;
         for (to, row) in target.chunks_exact_mut(s).zip(self.merged.chunks_exact(stride)) {
@@ -326,9 +332,9 @@ impl Riccati {
                 u.copy_from_slice(block(inputs, acting, m));
                 x.copy_from_slice(block(c, stage, n));
                 if let Some(before) = origin.checked_sub(1) {
-                    algebra::add_product(block(&qp.a, stage, n * n), block(states, before, n), x);
+                    add_product(block(&qp.a, stage, n * n), block(states, before, n), x);
                 }
-                algebra::add_product(block(&qp.b, stage, n * m), u, x);
+                add_product(block(&qp.b, stage, n * m), u, x);
                 block_mut(states, stage, n).copy_from_slice(x);
 
                 let lambda = block_mut(lambda, stage, n);
@@ -351,6 +357,15 @@ impl Riccati {
             }
         }
     }
+}
+
+/// F of two stages without A and B: (0 0; 0 I), in rows of `stride` numbers.
+fn models((n, m): (usize, usize), stride: usize) -> Vec<f64> {
+    let mut models = vec![0.0; 2 * (n + m) * stride];
+    for f in models.chunks_exact_mut((n + m) * stride) {
+        (n..n + m).for_each(|i| f[i * stride + i] = 1.0);
+    }
+    models
 }
 
 /// See [`Riccati::factor`].
