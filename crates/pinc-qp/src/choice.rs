@@ -8,10 +8,9 @@ use std::fmt;
 use thiserror::Error;
 
 /// How many times (n + m)^3 a stage costs that is solved by the recursion, where an operation of
-/// condensing counts 1: in the middle of 7 to 9, with which the choice is least off on the table of
-/// docs/growth.md, from 2 states to 30. The methods change at 13 stages for 2 states and 1 input,
-/// at 87 for 30 and 1.
-const RECURSION: usize = 8;
+/// condensing counts 1: with this number the choice is least off on the table of docs/growth.md.
+/// The methods change at 15 stages for 2 states and 1 input, at 108 for 30 and 1.
+const RECURSION: usize = 10;
 
 /// Up to this many free inputs a condensed program is solved from scratch in less time than the
 /// interior-point method takes.
@@ -68,7 +67,7 @@ impl QpMethod {
     /// have an input of their own.
     ///
     /// Condensing takes about `Nu m N (3 n^2 + n m) + (Nu m)^3 / 3` operations, the recursion
-    /// `8 N (n + m)^3`.
+    /// `10 N (n + m)^3`.
     #[must_use]
     pub fn resolve(self, [n, m]: [usize; 2], [horizon, n_controls]: [usize; 2]) -> Self {
         if self != Self::Auto {
@@ -284,13 +283,13 @@ mod tests {
     #[test]
     fn the_choice_changes_where_the_methods_cross() {
         for (sizes, last_condensed) in [
-            ([2, 1], 12),
-            ([4, 2], 12),
-            ([10, 1], 33),
-            ([10, 3], 15),
-            ([30, 1], 86),
-            ([30, 10], 14),
-            ([100, 3], 95),
+            ([2, 1], 14),
+            ([4, 2], 14),
+            ([10, 1], 41),
+            ([10, 3], 18),
+            ([30, 1], 107),
+            ([30, 10], 17),
+            ([100, 3], 118),
         ] {
             let resolve = |n: usize| QpMethod::Auto.resolve(sizes, [n, n]);
             assert_eq!(resolve(last_condensed), QpMethod::Condensed, "{sizes:?}");
