@@ -10,7 +10,7 @@ use std::path::{Path, PathBuf};
 use toml::{Table, Value};
 
 /// Our crates with the ones of ours that each depends on, from the bottom up.
-const CRATES: [(&str, &[&str]); 25] = [
+const CRATES: [(&str, &[&str]); 26] = [
     ("pinc-ad", &[]),
     ("pinc-qp", &[]),
     ("pinc-chart", &[]),
@@ -22,6 +22,7 @@ const CRATES: [(&str, &[&str]); 25] = [
     ("pinc-mpc", &["pinc-ad", "pinc-ode", "pinc-qp"]),
     ("pinc-sensitivity", &["pinc-mpc", "pinc-ode", "pinc-qp"]),
     ("pinc-batch", &["pinc-mpc", "pinc-ode", "pinc-sensitivity"]),
+    ("pinc-shrink", &["pinc-batch", "pinc-mpc", "pinc-net", "pinc-ode", "pinc-sensitivity"]),
     ("pinc-estimate", &["pinc-mpc", "pinc-ode", "pinc-qp"]),
     ("pinc-identify", &["pinc-estimate", "pinc-ode"]),
     ("pinc-verify", &["pinc-ad", "pinc-expr", "pinc-net", "pinc-ode"]),
@@ -117,6 +118,7 @@ const CRATES: [(&str, &[&str]); 25] = [
             "pinc-runs",
             "pinc-sensitivity",
             "pinc-serve",
+            "pinc-shrink",
             "pinc-verify",
         ],
     ),

@@ -141,6 +141,17 @@ impl NmpcBatch {
         Ok(GradientBatch { steps: StepBatch::collect(steps), regularities, gradients })
     }
 
+    /// Calls `job` for each of so many items with a controller that only one thread has, and returns
+    /// the results in their order. The controller comes from another item, so that `job` must begin
+    /// afresh, as by [`Nmpc::reset_input`], for results that are the same on any number of threads.
+    pub fn each<R: Send>(
+        &mut self,
+        items: usize,
+        job: impl Fn(&mut Nmpc, usize) -> R + Sync,
+    ) -> Vec<R> {
+        share(&mut self.workers, items, job)
+    }
+
     fn check<'a>(&self, at: Situations<'a>) -> Result<Checked<'a>, MpcError> {
         let nmpc = self.nmpc();
         let (dims, problem) = (nmpc.model().dims(), nmpc.problem());

@@ -74,6 +74,12 @@ impl Program<'_> {
         (qp, at.multipliers, residual)
     }
 
+    /// Writes the state at the end of a stage, by its model with the controller's parameters.
+    pub fn step(&mut self, stage: usize, x: &[f64], u: &[f64], next: &mut [f64]) {
+        let Nmpc { horizon, parameters, .. } = &mut *self.0;
+        horizon.at(stage).step(x, u, parameters, next);
+    }
+
     /// Linearizes the models of all stages, each at its own point.
     pub fn linearize(&mut self, at: Stages<'_>, out: Linearization<'_>) {
         self.0.horizon.linearize(at, out, &mut || false);

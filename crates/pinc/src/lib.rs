@@ -157,6 +157,8 @@ mod printed;
 #[cfg(feature = "program")]
 mod served;
 #[cfg(feature = "program")]
+mod shrunk;
+#[cfg(feature = "program")]
 mod summary;
 
 #[cfg(feature = "program")]
