@@ -3,8 +3,9 @@
 use crate::NmpcBatch;
 use crate::rows::{Rows, count};
 use crate::share::share;
-use pinc_mpc::{Given, MpcError, Nmpc, ProblemDerivative, Reference, Regularity, Tracked};
+use pinc_mpc::{MpcError, Nmpc, Reference, Tracked};
 use pinc_ode::{Linearization, LinearizationBuffer, Model, OutputLinearization, Stages};
+use pinc_sensitivity::{Given, ProblemDerivative, Regularity, Sensitivity};
 
 /// The cost of a closed loop of K steps,
 ///
@@ -37,7 +38,7 @@ pub struct GradientLoops<'a> {
     pub parameters: &'a [f64],
     /// What the loops cost.
     pub cost: LoopCost<'a>,
-    /// The barrier parameter of smoothed gradients, as in [`Nmpc::sensitivity`].
+    /// The barrier parameter of smoothed gradients, as in [`Sensitivity::new`].
     pub smoothing: Option<f64>,
     /// Whether the controller sees later values of the reference.
     pub preview: bool,
@@ -161,7 +162,7 @@ impl Backward<'_> {
                 .for_each(|row| row.copy_from_slice(self.reference.at(k))),
         }
         let u = nmpc.step(x, &window)?.u.to_vec();
-        let mut sensitivity = nmpc.sensitivity(&window, before, self.given.smoothing)?;
+        let mut sensitivity = Sensitivity::new(nmpc, &window, before, self.given.smoothing)?;
         let mut by_given = Vec::new();
         for i in 0..u.len() {
             let mut seed = vec![0.0; u.len()];
@@ -253,7 +254,7 @@ impl Backward<'_> {
             let value = match *tracked {
                 Tracked::State(state) => x[state],
                 Tracked::Output(output) => y[output],
-                _ => f64::NAN,
+                Tracked::Input(input) => u[input],
             };
             let error = value - reference;
             cost += weight * error * error;
@@ -265,7 +266,7 @@ impl Backward<'_> {
                     add_scaled(by_x, slope, &c[row(dims.nx)]);
                     add_scaled(by_u, slope, &d[row(dims.nu)]);
                 }
-                _ => by_x.fill(f64::NAN),
+                Tracked::Input(input) => by_u[input] += slope,
             }
         }
         let bounds = problem.state_bounds.low.iter().zip(&problem.state_bounds.high);

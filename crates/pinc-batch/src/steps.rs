@@ -2,7 +2,8 @@
 
 use crate::rows::{Rows, count};
 use crate::share::{share, threads};
-use pinc_mpc::{MpcError, Nmpc, ProblemDerivative, Regularity, SqpStatus};
+use pinc_mpc::{MpcError, Nmpc, SqpStatus};
+use pinc_sensitivity::{ProblemDerivative, Regularity, Sensitivity};
 
 /// Copies of a controller, one per thread, for steps and loops that each start afresh.
 #[derive(Debug)]
@@ -106,7 +107,7 @@ impl NmpcBatch {
     }
 
     /// Takes control steps, and returns for each the gradient of a function of its plan's inputs,
-    /// from the gradient `by_inputs` of that function. `smoothing` is as in [`Nmpc::sensitivity`].
+    /// from the gradient `by_inputs` of that function. `smoothing` is as in [`Sensitivity::new`].
     ///
     /// # Shapes
     ///
@@ -129,7 +130,7 @@ impl NmpcBatch {
         let one = |nmpc: &mut Nmpc, k: usize| {
             let step = at.step(nmpc, k)?;
             let (reference, before) = (at.reference.at(k), at.u_before.at(k));
-            let mut sensitivity = nmpc.sensitivity(reference, before, smoothing)?;
+            let mut sensitivity = Sensitivity::new(nmpc, reference, before, smoothing)?;
             let gradient = sensitivity.adjoint(&[], by_inputs.at(k))?;
             Ok((step, (sensitivity.regularity(), gradient)))
         };
@@ -138,6 +139,17 @@ impl NmpcBatch {
         let (steps, derivatives): (Vec<_>, Vec<_>) = done.into_iter().unzip();
         let (regularities, gradients) = derivatives.into_iter().unzip();
         Ok(GradientBatch { steps: StepBatch::collect(steps), regularities, gradients })
+    }
+
+    /// Calls `job` for each of so many items with a controller that only one thread has, and returns
+    /// the results in their order. The controller comes from another item, so that `job` must begin
+    /// afresh, as by [`Nmpc::reset_input`], for results that are the same on any number of threads.
+    pub fn each<R: Send>(
+        &mut self,
+        items: usize,
+        job: impl Fn(&mut Nmpc, usize) -> R + Sync,
+    ) -> Vec<R> {
+        share(&mut self.workers, items, job)
     }
 
     fn check<'a>(&self, at: Situations<'a>) -> Result<Checked<'a>, MpcError> {

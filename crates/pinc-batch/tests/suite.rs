@@ -2,11 +2,12 @@
 
 use pinc_batch::{GradientLoops, LoopCost, Loops, ModelBatch, NmpcBatch, Situations};
 use pinc_mpc::{
-    Bounds, ClosedLoop, Given, MpcError, Nmpc, NmpcProblem, Reference, Softness, SqpConfig,
-    SqpStatus, Tracked, Weights,
+    Bounds, ClosedLoop, MpcError, Nmpc, NmpcProblem, Reference, Softness, SqpConfig, SqpStatus,
+    Tracked, Weights,
 };
 use pinc_ode::{AccurateIntegrator, Model, Rk4, Simulator};
 use pinc_plants::{FourTanks, VanDerPol};
+use pinc_sensitivity::{Given, Sensitivity};
 
 fn tanks() -> Rk4<FourTanks> {
     Rk4::new(FourTanks::antonelo(), 10.0, 4)
@@ -98,7 +99,7 @@ fn gradients_are_those_of_the_controller() {
         let mut nmpc = nmpc().unwrap();
         nmpc.reset_to(&x[4 * k..][..4], &[2.0, 2.5]).unwrap();
         nmpc.step(&x[4 * k..][..4], &reference).unwrap();
-        let mut one = nmpc.sensitivity(&reference, &[2.0, 2.5], None).unwrap();
+        let mut one = Sensitivity::new(&mut nmpc, &reference, &[2.0, 2.5], None).unwrap();
         assert_eq!(one.regularity(), found.regularities[k], "{k}");
         let gradient = one.adjoint(&[], &[1.0, -0.5]).unwrap();
         let bits = |values: &[f64]| values.iter().map(|v| v.to_bits()).collect::<Vec<_>>();

@@ -127,8 +127,8 @@ impl<'a> Controller<'a> {
         let place = |tracked: &Tracked| match *tracked {
             Tracked::State(state) => Ok(state),
             Tracked::Output(output) => Ok(dims.nx + output),
-            _ => Err(ExportError::Feature {
-                feature: "tracked quantities of this kind",
+            Tracked::Input(_) => Err(ExportError::Feature {
+                feature: "tracked inputs",
                 instead: "states or outputs",
             }),
         };

@@ -69,8 +69,9 @@ impl Bounds {
         all
     }
 
-    /// The largest finite bound of each variable, over all stages; 0 where there is none.
-    pub(crate) fn sizes(&self, variables: usize) -> Vec<f64> {
+    /// Returns the largest finite bound of each variable, over all stages; 0 where there is none.
+    #[must_use]
+    pub fn sizes(&self, variables: usize) -> Vec<f64> {
         let mut sizes = vec![0.0_f64; variables];
         for (i, bound) in self.low.iter().enumerate().chain(self.high.iter().enumerate()) {
             if bound.is_finite() {

@@ -92,11 +92,6 @@ impl Horizon {
         &self.times
     }
 
-    /// How many stages there are.
-    pub(crate) fn stages(&self) -> usize {
-        self.times.len() - 1
-    }
-
     /// The model of the first stage.
     pub(crate) fn first(&self) -> &dyn Model {
         self.blocks[0].model.as_ref()

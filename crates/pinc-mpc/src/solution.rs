@@ -17,13 +17,16 @@ use pinc_qp::{Multipliers, OcpDims, all_finite};
 #[derive(Clone, Debug, PartialEq)]
 pub struct Solution {
     dims: OcpDims,
-    /// z
-    pub(crate) z: Vec<f64>,
-    pub(crate) multipliers: Multipliers,
+    /// All unknowns: states, then inputs.
+    pub z: Vec<f64>,
+    /// The multipliers of all rows.
+    pub multipliers: Multipliers,
 }
 
 impl Solution {
-    pub(crate) fn new(dims: OcpDims) -> Self {
+    /// Creates a plan in which all numbers are 0.
+    #[must_use]
+    pub fn new(dims: OcpDims) -> Self {
         Self { dims, z: vec![0.0; dims.unknowns()], multipliers: Multipliers::new(dims) }
     }
 

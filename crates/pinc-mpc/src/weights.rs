@@ -91,7 +91,9 @@ impl<T> PerStage<T> {
         }
     }
 
-    pub(crate) fn all(&self) -> &[T] {
+    /// Returns the values of all stages, or the one that they share.
+    #[must_use]
+    pub fn all(&self) -> &[T] {
         match self {
             Self::Same(all) => std::slice::from_ref(all),
             Self::Each { stages } => stages,

@@ -3,7 +3,7 @@
 use crate::arrays::{Given, array, values};
 use crate::errors::input;
 use numpy::PyArrayDyn;
-use pinc_mpc::{Given as Number, ProblemDerivative, Regularity};
+use pinc_sensitivity::{Given as Number, ProblemDerivative, Regularity};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 

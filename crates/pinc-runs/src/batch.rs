@@ -72,6 +72,11 @@ impl BatchController {
         &mut self.batch
     }
 
+    /// The controllers and the config's plant.
+    pub fn parts(&mut self) -> (&mut NmpcBatch, &Simulator) {
+        (&mut self.batch, &self.plant)
+    }
+
     /// The section of the config.
     #[must_use]
     pub fn spec(&self) -> &ControlSpec {

@@ -9,9 +9,10 @@ use crate::RunError;
 use crate::export::sha256;
 use pinc_config::{ControlSpec, Experiment, ModelKind, Variables};
 use pinc_estimate::{Augmentation, Estimator, EstimatorStatus};
-use pinc_mpc::{BoundSchedule, Memory, Nmpc, Reference, Sensitivity, SqpStatus, Trust};
+use pinc_mpc::{BoundSchedule, Memory, Nmpc, Reference, SqpStatus, Trust};
 use pinc_ode::DynPlant;
 use pinc_record::{ModelErrorMetrics, OutsideDomain};
+use pinc_sensitivity::Sensitivity;
 use std::time::{Duration, Instant};
 
 /// The controller of a config, with its estimator if it has one, for a plant that is somewhere
@@ -202,13 +203,13 @@ impl LiveController {
         &self.nmpc
     }
 
-    /// Differentiates the plan of the last step, as [`Nmpc::sensitivity`].
+    /// Differentiates the plan of the last step, as [`Sensitivity::new`].
     ///
     /// # Errors
     ///
     /// [`RunError`] if `smoothing` is not positive.
     pub fn sensitivity(&mut self, smoothing: Option<f64>) -> Result<Sensitivity<'_>, RunError> {
-        Ok(self.nmpc.sensitivity(&self.window, &self.before, smoothing)?)
+        Ok(Sensitivity::new(&mut self.nmpc, &self.window, &self.before, smoothing)?)
     }
 
     /// The section of the config.

@@ -6,6 +6,7 @@ use crate::choices::{
 use crate::options::{arguments, judged, may_begin_afresh, options};
 use crate::printed::{failure, show, usage};
 use crate::served::Served;
+use crate::shrunk::ShrinkArgs;
 use crate::summary::summary;
 use clap::{Parser, Subcommand};
 use pinc_bench::{BenchOptions, ChooseOptions, OnSlurm, Shard};
@@ -216,6 +217,8 @@ enum Command {
         #[command(flatten)]
         run: RunArgs,
     },
+    /// Train a net in place of the controller, judge its loops, and write it as C with a check.
+    Shrink(ShrinkArgs),
     /// Check a config and examine its plant before anything is trained.
     Check {
         /// Config file (TOML).
@@ -392,6 +395,7 @@ fn execute(cli: &Cli, plants: &Plants) -> Result<ExitCode, RunError> {
             let choice = pinc_bench::choose(&experiment, &dir, plants, &options, how)?;
             show(quiet, &choice.to_string())?;
         }
+        Command::Shrink(args) => args.shrink(plants, quiet)?,
         Command::Check { config, json, set } => {
             return check(config, *json, &set.overrides(), plants);
         }

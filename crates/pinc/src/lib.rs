@@ -26,7 +26,7 @@
 #![cfg_attr(feature = "plants", doc = "| [`plants`] | the built-in plants | `plants` |")]
 #![cfg_attr(
     feature = "batch",
-    doc = "| [`batch`] | control steps, gradients, closed loops and model steps on all cores | `batch` |"
+    doc = "| [`batch`], [`sensitivity`] | control steps, gradients, closed loops and model steps on all cores; derivatives of plans | `batch` |"
 )]
 #![cfg_attr(
     feature = "analysis",
@@ -157,6 +157,8 @@ mod printed;
 #[cfg(feature = "program")]
 mod served;
 #[cfg(feature = "program")]
+mod shrunk;
+#[cfg(feature = "program")]
 mod summary;
 
 #[cfg(feature = "program")]
@@ -164,8 +166,6 @@ pub use cli::program;
 pub use pinc_ad as ad;
 #[cfg(feature = "analysis")]
 pub use pinc_analysis as analysis;
-#[cfg(feature = "batch")]
-pub use pinc_batch as batch;
 #[cfg(feature = "experiments")]
 pub use pinc_bench as bench;
 #[cfg(feature = "experiments")]
@@ -195,6 +195,8 @@ pub use pinc_report as report;
 pub use pinc_runs as runs;
 #[cfg(feature = "verify")]
 pub use pinc_verify as verify;
+#[cfg(feature = "batch")]
+pub use {pinc_batch as batch, pinc_sensitivity as sensitivity};
 
 /// The example of `README.md`.
 #[cfg(all(doctest, feature = "plants"))]

@@ -21,8 +21,6 @@ mod outputs;
 mod problems;
 mod random;
 mod scenarios;
-mod sensitivity;
-mod sensitivity_formulas;
 mod stages;
 mod stream;
 mod support;

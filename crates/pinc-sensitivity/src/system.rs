@@ -12,16 +12,16 @@ const EQUILIBRATIONS: usize = 3;
 /// Where the parts of a vector of the optimality conditions begin: z, lambda of the dynamics, mu of
 /// the bounds, nu of the increments and eta of the rows; and its length.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Places {
-    pub(super) dynamics: usize,
-    pub(super) bounds: usize,
-    pub(super) increments: usize,
-    pub(super) rows: usize,
-    pub(super) length: usize,
+pub(crate) struct Places {
+    pub(crate) dynamics: usize,
+    pub(crate) bounds: usize,
+    pub(crate) increments: usize,
+    pub(crate) rows: usize,
+    pub(crate) length: usize,
 }
 
 impl Places {
-    pub(super) fn new(dims: OcpDims) -> Self {
+    pub(crate) fn new(dims: OcpDims) -> Self {
         let dynamics = dims.unknowns();
         let bounds = dynamics + dims.all_states();
         let increments = bounds + dims.unknowns();
@@ -40,7 +40,7 @@ impl Places {
 /// with the dynamics among the rows, delta = 0. Unknowns are ordered by stages, so that the matrix
 /// is a band, as wide as a stage; a held input has a copy at each stage.
 #[derive(Debug, Default)]
-pub(super) struct KktSystem {
+pub(crate) struct KktSystem {
     band: Banded,
     /// Where each unknown is in the band, if it is there.
     order: Vec<Option<usize>>,
@@ -53,7 +53,7 @@ pub(super) struct KktSystem {
 impl KktSystem {
     /// Factors the matrix; `compliance` has delta of bounds, increments and rows. Returns whether
     /// the matrix is regular.
-    pub(super) fn factor(&mut self, qp: &Qp, compliance: &[f64]) -> bool {
+    pub(crate) fn factor(&mut self, qp: &Qp, compliance: &[f64]) -> bool {
         let held = Held::new(qp.dims);
         let size = self.order_unknowns(held, compliance);
         self.entries.clear();
@@ -74,7 +74,7 @@ impl KktSystem {
 
     /// Replaces the right-hand side `vector`, laid out as [`Places`], by the solution. The matrix
     /// is symmetric.
-    pub(super) fn solve(&mut self, vector: &mut [f64]) {
+    pub(crate) fn solve(&mut self, vector: &mut [f64]) {
         self.right.clear();
         self.right.resize(self.scales.len(), 0.0);
         for (value, place) in vector.iter().zip(&self.order) {

@@ -8,14 +8,14 @@ use pinc_qp::{Limits, Qp};
 /// a'dz - compliance dmu = high dhigh + low dlow + penalty dpenalty
 /// ```
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Limit {
+pub(crate) struct Limit {
     /// 0 where the row is active, infinite where it is not.
-    pub(super) compliance: f64,
-    pub(super) high: f64,
-    pub(super) low: f64,
-    pub(super) penalty: f64,
+    pub(crate) compliance: f64,
+    pub(crate) high: f64,
+    pub(crate) low: f64,
+    pub(crate) penalty: f64,
     /// The sign of a multiplier that is the weight of a violation; 0 elsewhere.
-    pub(super) saturated: f64,
+    pub(crate) saturated: f64,
 }
 
 impl Limit {
@@ -27,7 +27,7 @@ impl Limit {
     /// How a row of a solution moves, whose value is 0 seen from its limits; and which side of it
     /// is about to become active or inactive, if both its room and what its multiplier lacks of
     /// its own limits are below `margin`.
-    pub(super) fn of([low, high, penalty]: [f64; 3], mu: f64, margin: f64) -> (Self, Option<bool>) {
+    pub(crate) fn of([low, high, penalty]: [f64; 3], mu: f64, margin: f64) -> (Self, Option<bool>) {
         let upper = mu > 0.0 || mu == 0.0 && high < -low;
         let at = if upper { Self::AT_HIGH } else { Self::AT_LOW };
         if high <= low {
@@ -50,7 +50,7 @@ impl Limit {
 
 /// The smoothed rows of a plan.
 #[derive(Debug)]
-pub(super) struct Smoothed {
+pub(crate) struct Smoothed {
     tau: f64,
     /// The lower and the upper side of bounds, increments and rows.
     sides: Vec<[Side; 2]>,
@@ -65,7 +65,7 @@ pub(super) struct Smoothed {
 /// the second if the row is soft. Both are written with the function of Chen, Harker, Kanzow and
 /// Smale, a + b - sqrt((a - b)^2 + 4 tau), which needs no start from inside.
 #[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Side {
+pub(crate) struct Side {
     mu: f64,
     violation: f64,
 }
@@ -135,7 +135,7 @@ impl Side {
 
 impl Smoothed {
     /// Begins at a solution with these multipliers of bounds, increments and rows.
-    pub(super) fn new(qp: &Qp, multipliers: &[f64], tau: f64) -> Self {
+    pub(crate) fn new(qp: &Qp, multipliers: &[f64], tau: f64) -> Self {
         let side = |mu: f64, room: f64, penalty: f64| Side {
             mu: mu.max(0.0),
             violation: if penalty.is_finite() { (-room).max(0.0) } else { 0.0 },
@@ -147,7 +147,7 @@ impl Smoothed {
     }
 
     /// How the rows move, and their right-hand sides in a step towards the smoothed solution.
-    pub(super) fn linearize(&self, qp: &Qp, multipliers: &[f64]) -> (Vec<Limit>, Vec<f64>) {
+    pub(crate) fn linearize(&self, qp: &Qp, multipliers: &[f64]) -> (Vec<Limit>, Vec<f64>) {
         let rows = rows(qp).zip(&self.sides).zip(multipliers);
         rows.map(|((row, sides), &mu)| self.limit(row, *sides, mu)).unzip()
     }
@@ -178,7 +178,7 @@ impl Smoothed {
     }
 
     /// The step of all sides, where the rows' values change by `moves`.
-    pub(super) fn step(&self, qp: &Qp, moves: &[f64]) -> Vec<[Side; 2]> {
+    pub(crate) fn step(&self, qp: &Qp, moves: &[f64]) -> Vec<[Side; 2]> {
         let rows = rows(qp).zip(&self.sides).zip(moves);
         let step = |(([low, high, penalty], sides), change): (([f64; 3], &[Side; 2]), &f64)| {
             let linear = self.both([low, high, penalty], *sides);
@@ -192,7 +192,7 @@ impl Smoothed {
     }
 
     /// These sides, moved along a step.
-    pub(super) fn moved(&self, step: &[[Side; 2]], length: f64) -> Self {
+    pub(crate) fn moved(&self, step: &[[Side; 2]], length: f64) -> Self {
         let along = |side: Side, step: Side| Side {
             mu: side.mu + length * step.mu,
             violation: side.violation + length * step.violation,
@@ -203,7 +203,7 @@ impl Smoothed {
     }
 
     /// Writes the multipliers of inequalities.
-    pub(super) fn write(&self, qp: &Qp, multipliers: &mut [f64]) {
+    pub(crate) fn write(&self, qp: &Qp, multipliers: &mut [f64]) {
         for (([low, high, _], [lower, upper]), mu) in rows(qp).zip(&self.sides).zip(multipliers) {
             if high > low {
                 *mu = upper.mu - lower.mu;
@@ -212,7 +212,7 @@ impl Smoothed {
     }
 
     /// The squared residuals of all rows.
-    pub(super) fn residual(&self, qp: &Qp) -> f64 {
+    pub(crate) fn residual(&self, qp: &Qp) -> f64 {
         let rows = rows(qp).zip(&self.sides);
         let of = |([low, high, penalty], [lower, upper]): ([f64; 3], &[Side; 2])| {
             if high <= low {
@@ -225,6 +225,6 @@ impl Smoothed {
 }
 
 /// Low, high and penalty of bounds, increments and rows.
-pub(super) fn rows(qp: &Qp) -> impl Iterator<Item = [f64; 3]> {
+pub(crate) fn rows(qp: &Qp) -> impl Iterator<Item = [f64; 3]> {
     qp.limits().into_iter().flat_map(|(_, limits): (_, &Limits)| limits.iter())
 }

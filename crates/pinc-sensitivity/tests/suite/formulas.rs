@@ -1,8 +1,9 @@
 //! Derivatives of plans against formulas, and points without derivatives.
 
-use crate::support::Linear;
-use pinc_mpc::{Bounds, Given, Nmpc, NmpcProblem, Regularity, SqpConfig, Weights};
+use crate::problems::Linear;
+use pinc_mpc::{Bounds, Nmpc, NmpcProblem, SqpConfig, Weights};
 use pinc_ode::Dims;
+use pinc_sensitivity::{Given, Regularity, Sensitivity};
 
 /// min q (a x + b u - r)^2 + rho (u - v)^2 has u = (q b (r - a x) + rho v) / (q b^2 + rho).
 #[test]
@@ -13,7 +14,7 @@ fn a_step_of_a_linear_plant_has_the_derivatives_of_the_formula() {
         Nmpc::new(problem, Box::new(Linear::scalar(a, b)), SqpConfig::default()).unwrap();
     nmpc.reset_to(&[x], &[v]).unwrap();
     nmpc.step(&[x], &[r]).unwrap();
-    let mut sensitivity = nmpc.sensitivity(&[r], &[v], None).unwrap();
+    let mut sensitivity = Sensitivity::new(&mut nmpc, &[r], &[v], None).unwrap();
     assert_eq!(sensitivity.regularity(), Regularity::Regular);
     let gradient = sensitivity.adjoint(&[], &[1.0]).unwrap();
     let pivot = q * b * b + rho;
@@ -47,7 +48,7 @@ fn at_its_bound_an_input_moves_with_the_bound() {
     let gradient = |nmpc: &mut Nmpc, r: f64, smoothing| {
         nmpc.reset_to(&[0.0], &[0.0]).unwrap();
         nmpc.step(&[0.0], &[r]).unwrap();
-        let mut sensitivity = nmpc.sensitivity(&[r], &[0.0], smoothing).unwrap();
+        let mut sensitivity = Sensitivity::new(nmpc, &[r], &[0.0], smoothing).unwrap();
         let gradient = sensitivity.adjoint(&[], &[1.0]).unwrap();
         let by = [Given::InputHigh, Given::Reference].map(|given| gradient.get(given)[0]);
         (sensitivity.regularity(), by)
@@ -79,11 +80,11 @@ fn a_point_without_derivatives_says_so() {
     let mut nmpc =
         Nmpc::new(problem, Box::new(Linear::scalar(0.9, 0.5)), SqpConfig::default()).unwrap();
     nmpc.step(&[1.0], &[0.0; 2]).unwrap();
-    let other = nmpc.sensitivity(&[0.5; 2], &[0.0], None).unwrap();
+    let other = Sensitivity::new(&mut nmpc, &[0.5; 2], &[0.0], None).unwrap();
     assert_eq!(other.regularity(), Regularity::NotOptimal);
-    let error = nmpc.sensitivity(&[0.0; 2], &[0.0], Some(-1.0)).unwrap_err();
+    let error = Sensitivity::new(&mut nmpc, &[0.0; 2], &[0.0], Some(-1.0)).unwrap_err();
     assert_eq!(error.to_string(), "smoothing is -1, but must be positive and finite");
-    assert!(nmpc.sensitivity(&[0.0], &[0.0], None).is_err());
+    assert!(Sensitivity::new(&mut nmpc, &[0.0], &[0.0], None).is_err());
 
     // Two inputs that do the same, without a cost of their own.
     let weights = Weights::uniform(vec![1.0], vec![0.0; 2]);
@@ -91,7 +92,7 @@ fn a_point_without_derivatives_says_so() {
     let model = Linear { dims: Dims::new(1, 2), a: vec![0.9], b: vec![0.5, 0.5] };
     let Ok(mut nmpc) = Nmpc::new(problem, Box::new(model), SqpConfig::default()) else { return };
     nmpc.step(&[0.0], &[0.0]).unwrap();
-    let mut free = nmpc.sensitivity(&[0.0], &[0.0; 2], None).unwrap();
+    let mut free = Sensitivity::new(&mut nmpc, &[0.0], &[0.0; 2], None).unwrap();
     assert_eq!(free.regularity(), Regularity::Singular);
     assert!(free.adjoint(&[], &[1.0]).unwrap().get(Given::State)[0].is_nan());
 }

@@ -1,11 +1,7 @@
 //! Second derivatives of what a control problem is made of: differences of exact first derivatives.
 
-use super::Plan;
-use crate::constraints::ConstraintWork;
-use crate::horizon::Horizon;
-use crate::stage_cost::{QuadBlock, StagePoint};
-use crate::transcription::Transcription;
-use crate::{NmpcProblem, Tracked};
+use crate::sensitivity::Plan;
+use pinc_mpc::{IntervalEnd, NmpcProblem, Program, QuadBlock, Tracked};
 use pinc_ode::{Dims, Linearization, OutputLinearization, Stages};
 use pinc_qp::{OcpDims, Qp};
 
@@ -61,7 +57,7 @@ struct Place {
 
 /// Second derivatives of the Lagrangian at a plan.
 #[derive(Debug)]
-pub(super) struct Curvature {
+pub(crate) struct Curvature {
     dims: OcpDims,
     model: Dims,
     families: Vec<Family>,
@@ -69,21 +65,19 @@ pub(super) struct Curvature {
     /// The least sizes of x and u.
     sizes: [Vec<f64>; 2],
     /// The second derivatives of the Lagrangian in `u_0` and `x_0`, `[m, n]`.
-    pub(super) by_start: Vec<f64>,
+    pub(crate) by_start: Vec<f64>,
 }
 
 /// What the functions are evaluated with.
-struct Evaluator<'a> {
-    horizon: &'a mut Horizon,
-    transcription: &'a mut Transcription,
+struct Evaluator<'a, 'p> {
+    program: &'a mut Program<'p>,
     dims: OcpDims,
     model: Dims,
-    work: ConstraintWork,
     block: QuadBlock,
 }
 
 impl Curvature {
-    pub(super) fn new(problem: &NmpcProblem, dims: OcpDims, model: Dims) -> Self {
+    pub(crate) fn new(problem: &NmpcProblem, dims: OcpDims, model: Dims) -> Self {
         let bounds = problem.state_bounds.sizes(dims.nx);
         let states = problem.state_sizes.clone().unwrap_or(bounds);
         let sizes = [states, problem.input_bounds.sizes(dims.nu)].map(|sizes| {
@@ -101,18 +95,17 @@ impl Curvature {
     }
 
     /// Adds to the Hessian of `qp`, which is linearized at `plan`, what Gauss and Newton leave out.
-    pub(super) fn add(
+    pub(crate) fn add(
         &mut self,
-        horizon: &mut Horizon,
-        transcription: &mut Transcription,
+        program: &mut Program<'_>,
         (plan, p): (&Plan<'_>, &[f64]),
         qp: &mut Qp,
     ) {
         self.p.clear();
         self.p.extend_from_slice(p);
-        self.families = families(self.dims, self.model, transcription, plan);
+        self.families = families(self.dims, self.model, program, plan);
         self.by_start.fill(0.0);
-        let mut evaluator = Evaluator::new(horizon, transcription, self.dims, self.model);
+        let mut evaluator = Evaluator::new(program, self.dims, self.model);
         for family in &self.families {
             let blocks = self.hessians(family, &mut evaluator);
             self.by_start
@@ -123,7 +116,7 @@ impl Curvature {
     }
 
     /// The Hessians of a family in (x, u), `[places, n + m, n + m]`.
-    fn hessians(&self, family: &Family, evaluator: &mut Evaluator<'_>) -> Vec<f64> {
+    fn hessians(&self, family: &Family, evaluator: &mut Evaluator<'_, '_>) -> Vec<f64> {
         let OcpDims { nx, nu, .. } = self.dims;
         let (width, count) = (nx + nu, family.places.len());
         let mut blocks = vec![0.0; count * width * width];
@@ -161,7 +154,7 @@ impl Curvature {
     fn difference(
         &self,
         family: &Family,
-        evaluator: &mut Evaluator<'_>,
+        evaluator: &mut Evaluator<'_, '_>,
         [dx, du, dp]: [&[f64]; 3],
         out: &mut [f64],
         in_parameters: bool,
@@ -187,16 +180,15 @@ impl Curvature {
     }
 
     /// Subtracts d2L / dz dp times `dp` from the part z of `right`.
-    pub(super) fn subtract_along_parameters(
+    pub(crate) fn subtract_along_parameters(
         &self,
-        horizon: &mut Horizon,
-        transcription: &mut Transcription,
+        program: &mut Program<'_>,
         dp: &[f64],
         right: &mut [f64],
     ) {
         let Some(step) = step(dp, |k| parameter_size(self.p[k])) else { return };
         let dp: Vec<f64> = dp.iter().map(|dp| step * dp).collect();
-        let mut evaluator = Evaluator::new(horizon, transcription, self.dims, self.model);
+        let mut evaluator = Evaluator::new(program, self.dims, self.model);
         let (nx, width) = (self.dims.nx, self.dims.nx + self.dims.nu);
         for family in &self.families {
             let mut change = vec![0.0; family.places.len() * width];
@@ -216,10 +208,9 @@ impl Curvature {
     }
 
     /// Subtracts w'd2L / dz dp, with the part z of `w`, from `gradient`, `np`.
-    pub(super) fn subtract_adjoint(
+    pub(crate) fn subtract_adjoint(
         &self,
-        horizon: &mut Horizon,
-        transcription: &mut Transcription,
+        program: &mut Program<'_>,
         w: &[f64],
         gradient: &mut [f64],
     ) {
@@ -228,7 +219,7 @@ impl Curvature {
         if np == 0 {
             return;
         }
-        let mut evaluator = Evaluator::new(horizon, transcription, self.dims, self.model);
+        let mut evaluator = Evaluator::new(program, self.dims, self.model);
         for family in &self.families {
             let count = family.places.len();
             let (mut dx, mut du) = (vec![0.0; count * nx], vec![0.0; count * nu]);
@@ -268,7 +259,7 @@ impl Curvature {
     fn subtract_cost(
         &self,
         family: &Family,
-        evaluator: &mut Evaluator<'_>,
+        evaluator: &mut Evaluator<'_, '_>,
         [wx, wu]: [&[f64]; 2],
         gradient: &mut [f64],
     ) {
@@ -327,12 +318,7 @@ fn add_blocks(dims: OcpDims, family: &Family, blocks: &[f64], qp: &mut Qp) -> Ve
 }
 
 /// The functions of the problem, with their weights at `plan`.
-fn families(
-    dims: OcpDims,
-    model: Dims,
-    transcription: &Transcription,
-    plan: &Plan<'_>,
-) -> Vec<Family> {
+fn families(dims: OcpDims, model: Dims, program: &Program<'_>, plan: &Plan<'_>) -> Vec<Family> {
     let mut families = Vec::new();
     let here = |stage: usize| Place {
         stage: stage.min(dims.horizon - 1),
@@ -349,7 +335,7 @@ fn families(
     let multipliers = plan.multipliers;
     let stages = (0..dims.horizon).map(here).collect();
     push(Function::Dynamics, stages, multipliers.dynamics.clone());
-    if let Some(outputs) = &transcription.outputs {
+    if program.uses_outputs() {
         let ends = (1..=dims.horizon).map(|j| Place {
             stage: j - 1,
             state: j,
@@ -360,18 +346,18 @@ fn families(
         let mut at_starts = weights.clone();
         for j in dims.constrained() {
             let weights = &mut weights[(j - 1) * model.ny..j * model.ny];
-            plan.tracking(transcription, outputs.ends(), j, |tracked, force| {
+            plan.tracking(program, j, |tracked, force| {
                 if let Tracked::Output(output) = tracked {
                     weights[output] += force;
                 }
             });
             let rows = dims.stage_rows(j).skip(dims.general());
-            for (row, (output, end)) in rows.zip(transcription.output_rows.iter()) {
+            for (row, (output, end)) in rows.zip(program.output_rows()) {
                 match end {
-                    Some(crate::IntervalEnd::Start) => {
+                    Some(IntervalEnd::Start) => {
                         at_starts[(j - 1) * model.ny + output] += multipliers.rows[row];
                     }
-                    Some(crate::IntervalEnd::End) | None => {
+                    Some(IntervalEnd::End) | None => {
                         weights[output] += multipliers.rows[row];
                     }
                 }
@@ -383,27 +369,20 @@ fn families(
             push(Function::Starts, starts.collect(), at_starts);
         }
     }
-    if transcription.constraints.is_some() {
+    if dims.general() > 0 {
         let rows = dims.constrained().flat_map(|j| dims.stage_rows(j).take(dims.general()));
         let weights = rows.map(|row| multipliers.rows[row]).collect();
         push(Function::General, dims.constrained().map(here).collect(), weights);
     }
-    if transcription.terms.as_ref().is_some_and(|terms| terms.cost.is_some()) {
+    if program.has_stage_cost() {
         push(Function::Cost, (0..=dims.horizon).map(here).collect(), Vec::new());
     }
     families
 }
 
-impl<'a> Evaluator<'a> {
-    fn new(
-        horizon: &'a mut Horizon,
-        transcription: &'a mut Transcription,
-        dims: OcpDims,
-        model: Dims,
-    ) -> Self {
-        let work = ConstraintWork::new(model, dims.general());
-        let block = QuadBlock::new(dims.nx, dims.nu);
-        Self { horizon, transcription, dims, model, work, block }
+impl<'a, 'p> Evaluator<'a, 'p> {
+    fn new(program: &'a mut Program<'p>, dims: OcpDims, model: Dims) -> Self {
+        Self { program, dims, model, block: QuadBlock::new(dims.nx, dims.nu) }
     }
 
     /// Writes the gradients of a family at the points `at`, with the same p for all: in (x, u),
@@ -443,13 +422,13 @@ impl<'a> Evaluator<'a> {
         in_parameters: bool,
     ) {
         let Dims { nx, nu, np, .. } = self.model;
-        let count = self.horizon.stages();
+        let count = self.dims.horizon;
         let zeros = |width: usize| vec![0.0; count * nx * width];
         let (mut next, mut a, mut b) = (zeros(1), zeros(nx), zeros(nu));
         let mut e = if in_parameters { zeros(np) } else { Vec::new() };
         let p = at.p.repeat(count);
         let result = Linearization { next: &mut next, a: &mut a, b: &mut b, e: &mut e };
-        self.horizon.linearize(Stages { p: &p, ..at }, result, &mut || false);
+        self.program.linearize(Stages { p: &p, ..at }, result);
         for (k, weights) in family.weights.chunks_exact(nx).enumerate() {
             let part = |width: usize| k * nx * width..(k + 1) * nx * width;
             if in_parameters {
@@ -476,7 +455,7 @@ impl<'a> Evaluator<'a> {
         let point =
             Stages { x: &at.x[k * nx..(k + 1) * nx], u: &at.u[k * nu..(k + 1) * nu], p: at.p };
         let result = OutputLinearization { y: &mut y, c: &mut c, d: &mut d, e: &mut e };
-        self.horizon.at(family.places[k].stage).linearize_output(point, result);
+        self.program.linearize_output(family.places[k].stage, point, result);
         let weights = &family.weights[k * ny..(k + 1) * ny];
         if in_parameters {
             weighted(&[(&e, np)], weights, &mut out[k * np..(k + 1) * np]);
@@ -495,11 +474,10 @@ impl<'a> Evaluator<'a> {
     ) {
         let OcpDims { nx, nu, .. } = self.dims;
         let (rows, width) = (self.dims.general(), nx + nu);
-        let Some(constraints) = &self.transcription.constraints else { return };
         let (mut values, mut by_x, mut by_u) =
             (vec![0.0; rows], vec![0.0; rows * nx], vec![0.0; rows * nu]);
         let point = [&at.x[k * nx..(k + 1) * nx], &at.u[k * nu..(k + 1) * nu]];
-        constraints.linearize(point, &mut values, [&mut by_x, &mut by_u], &mut self.work);
+        self.program.linearize_constraints(point, &mut values, [&mut by_x, &mut by_u]);
         let weights = &family.weights[k * rows..(k + 1) * rows];
         weighted(&[(&by_x, nx), (&by_u, nu)], weights, &mut out[k * width..(k + 1) * width]);
     }
@@ -508,19 +486,8 @@ impl<'a> Evaluator<'a> {
     fn quadratize(&mut self, family: &Family, at: Stages<'_>, k: usize) {
         let OcpDims { nx, nu, .. } = self.dims;
         self.block.clear();
-        let Some(terms) = self.transcription.terms.as_mut() else { return };
-        let stage = family.places[k].state;
-        let time_s = terms.time_s(stage);
-        let point = StagePoint {
-            stage,
-            time_s,
-            x: &at.x[k * nx..(k + 1) * nx],
-            u: &at.u[k * nu..(k + 1) * nu],
-            p: at.p,
-        };
-        if let Some(own) = &mut terms.cost {
-            own.quadratize(point, &mut self.block);
-        }
+        let point = [&at.x[k * nx..(k + 1) * nx], &at.u[k * nu..(k + 1) * nu], at.p];
+        self.program.add_stage_cost(family.places[k].state, point, &mut self.block);
     }
 
     /// Subtracts from the Hessians of the stage cost what it says itself.

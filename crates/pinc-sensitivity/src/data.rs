@@ -1,6 +1,6 @@
 //! The numbers of a control problem in which its solution is differentiated.
 
-use crate::{Bounds, NmpcProblem, PerStage, Softness, Weight};
+use pinc_mpc::{Bounds, NmpcProblem, PerStage, Softness, Weight};
 use pinc_qp::OcpDims;
 use std::ops::Range;
 
@@ -17,13 +17,13 @@ pub enum Given {
     AppliedInput,
     /// p, `np`.
     Parameters,
-    /// [`Weights::q`](crate::Weights::q).
+    /// [`Weights::q`](pinc_mpc::Weights::q).
     Q,
-    /// [`Weights::r`](crate::Weights::r).
+    /// [`Weights::r`](pinc_mpc::Weights::r).
     R,
-    /// [`Weights::terminal`](crate::Weights::terminal).
+    /// [`Weights::terminal`](pinc_mpc::Weights::terminal).
     Terminal,
-    /// [`Weights::input_sequence`](crate::Weights::input_sequence).
+    /// [`Weights::input_sequence`](pinc_mpc::Weights::input_sequence).
     InputSequence,
     /// Lower [`NmpcProblem::state_bounds`].
     StateLow,
@@ -111,7 +111,7 @@ pub struct ProblemDerivative {
 }
 
 impl ProblemDerivative {
-    pub(super) fn new(layout: Layout) -> Self {
+    pub(crate) fn new(layout: Layout) -> Self {
         Self { values: vec![0.0; layout.starts[Given::ALL.len()]], layout }
     }
 
@@ -140,7 +140,7 @@ impl ProblemDerivative {
 
 /// Where the numbers of a [`ProblemDerivative`] are.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) struct Layout {
+pub(crate) struct Layout {
     starts: [usize; Given::ALL.len() + 1],
     q: WeightShape,
     r: WeightShape,
@@ -179,7 +179,7 @@ impl WeightShape {
 }
 
 impl Layout {
-    pub(super) fn new(problem: &NmpcProblem, dims: OcpDims) -> Self {
+    pub(crate) fn new(problem: &NmpcProblem, dims: OcpDims) -> Self {
         let weights = &problem.weights;
         let per_stage = |weights: &PerStage<Weight>| WeightShape::of(weights.all());
         let one = |weight: &Option<Weight>| {
@@ -223,13 +223,13 @@ impl Layout {
     }
 
     /// Where number `i` of this kind is. Bounds that are the same at all stages are given once.
-    pub(super) fn place(&self, given: Given, i: usize) -> usize {
+    pub(crate) fn place(&self, given: Given, i: usize) -> usize {
         let Range { start, end } = self.range(given);
         start + i % (end - start).max(1)
     }
 
     /// Where entry (i, k) of Q at stage `j`, from 1 on, is.
-    pub(super) fn q(&self, j: usize, last: bool, i: usize, k: usize) -> Option<usize> {
+    pub(crate) fn q(&self, j: usize, last: bool, i: usize, k: usize) -> Option<usize> {
         let (shape, given) = match last && self.terminal.count > 0 {
             true => (self.terminal, Given::Terminal),
             false => (self.q, Given::Q),
@@ -238,12 +238,12 @@ impl Layout {
     }
 
     /// Where entry (i, k) of R at stage `j`, from 0 on, is.
-    pub(super) fn r(&self, j: usize, i: usize, k: usize) -> Option<usize> {
+    pub(crate) fn r(&self, j: usize, i: usize, k: usize) -> Option<usize> {
         self.r.place(j, i, k).map(|place| self.range(Given::R).start + place)
     }
 
     /// Where entry (i, k) of W is; `None` without W.
-    pub(super) fn input_sequence(&self, i: usize, k: usize) -> Option<usize> {
+    pub(crate) fn input_sequence(&self, i: usize, k: usize) -> Option<usize> {
         let first = self.range(Given::InputSequence).start;
         let shape = (self.input_sequence.count > 0).then_some(self.input_sequence)?;
         shape.place(0, i, k).map(|place| first + place)

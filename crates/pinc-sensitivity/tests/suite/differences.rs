@@ -6,12 +6,12 @@ use crate::problems::{four_tanks, van_der_pol};
 use crate::stream::Stream;
 use pinc_ad::Scalar;
 use pinc_mpc::{
-    Bounds, Constraints, Given, Nmpc, NmpcProblem, PerStage, ProblemDerivative, QuadBlock,
-    Regularity, Softness, Solution, SqpConfig, SqpStatus, StageConstraints, StageCost, StagePoint,
-    Tracked, Weight, Weights,
+    Bounds, Constraints, Nmpc, NmpcProblem, PerStage, QuadBlock, Softness, Solution, SqpConfig,
+    SqpStatus, StageConstraints, StageCost, StagePoint, Tracked, Weight, Weights,
 };
 use pinc_ode::{Dims, Model, Plant, Rk4, Variable};
 use pinc_plants::{FourTanks, TwoLinkArm, VanDerPol};
+use pinc_sensitivity::{Given, ProblemDerivative, Regularity, Sensitivity};
 
 /// Points per case, unless the environment says otherwise.
 const POINTS: usize = 40;
@@ -217,7 +217,8 @@ fn compare(name: &str, case: &Case, smoothing: Option<f64>) {
         let point = case.draw(&mut stream);
         let (mut nmpc, status) = case.solve(&point);
         let pattern = active(nmpc.plan());
-        let mut sensitivity = nmpc.sensitivity(&point.reference, &point.before, smoothing).unwrap();
+        let mut sensitivity =
+            Sensitivity::new(&mut nmpc, &point.reference, &point.before, smoothing).unwrap();
         if status != SqpStatus::Converged {
             // A step without a solution is not differentiated.
             let regular = sensitivity.regularity() == Regularity::Regular;
@@ -248,7 +249,8 @@ fn compare(name: &str, case: &Case, smoothing: Option<f64>) {
             let plan = match smoothing {
                 None => unknowns(nmpc.plan()),
                 Some(_) => {
-                    let there = nmpc.sensitivity(&moved.reference, &moved.before, smoothing);
+                    let there =
+                        Sensitivity::new(&mut nmpc, &moved.reference, &moved.before, smoothing);
                     let there = there.unwrap();
                     if there.regularity() != Regularity::Regular {
                         return None;
@@ -286,7 +288,7 @@ fn compare(name: &str, case: &Case, smoothing: Option<f64>) {
 
 /// seed' (dz dchange) = (seed' dz)' dchange
 fn check_adjoint(
-    sensitivity: &mut pinc_mpc::Sensitivity<'_>,
+    sensitivity: &mut Sensitivity<'_>,
     change: &ProblemDerivative,
     moved: &[f64],
     stream: &mut Stream,

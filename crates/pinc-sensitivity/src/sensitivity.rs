@@ -1,26 +1,13 @@
 //! Derivatives of a plan in the numbers that its problem is given.
 
-mod curvature;
-mod data;
-mod entries;
-mod limits;
-mod system;
-
-pub use data::{Given, ProblemDerivative};
-
-use crate::constraint::Constraint;
-use crate::cost::Targets;
-use crate::error::{check_finite, check_range, check_setting};
-use crate::kkt::KktResidual;
-use crate::solution::Solution;
-use crate::{MpcError, Nmpc, Tracked};
-use curvature::Curvature;
-use data::Layout;
-use entries::{ByParameters, Conditions, Entries};
-use limits::{Limit, Smoothed, rows};
+use crate::curvature::Curvature;
+use crate::data::{Given, Layout, ProblemDerivative};
+use crate::entries::{self, ByParameters, Conditions, Entries};
+use crate::limits::{Limit, Smoothed, rows};
+use crate::system::{KktSystem, Places};
+use pinc_mpc::{Constraint, MpcError, Nmpc, Program, Solution, Tracked};
 use pinc_qp::{Kind, Multipliers, OcpDims, Qp, Row, all_finite};
 use std::fmt;
-use system::{KktSystem, Places};
 
 /// A row is about to become active or inactive if its room and its multiplier are both below this
 /// many tolerances of the controller.
@@ -85,15 +72,16 @@ impl fmt::Display for Regularity {
 /// smoothing.
 ///
 /// ```
-/// use pinc_mpc::{Given, Nmpc, NmpcProblem, Regularity, SqpConfig, Weights};
+/// use pinc_mpc::{Nmpc, NmpcProblem, SqpConfig, Weights};
 /// use pinc_ode::{Model, Rk4};
 /// use pinc_plants::VanDerPol;
+/// use pinc_sensitivity::{Given, Regularity, Sensitivity};
 ///
 /// let model = Rk4::new(VanDerPol::default(), 0.5, 4);
 /// let problem = NmpcProblem::new(model.dims(), 5, Weights::uniform(vec![10.0; 2], vec![1.0]));
 /// let mut nmpc = Nmpc::new(problem, Box::new(model), SqpConfig::default())?;
 /// nmpc.step(&[0.3, 0.1], &[0.0; 10])?;
-/// let mut sensitivity = nmpc.sensitivity(&[0.0; 10], &[0.0], None)?;
+/// let mut sensitivity = Sensitivity::new(&mut nmpc, &[0.0; 10], &[0.0], None)?;
 /// assert_eq!(sensitivity.regularity(), Regularity::Regular);
 /// // The gradient of the first input.
 /// let gradient = sensitivity.adjoint(&[], &[1.0])?;
@@ -102,7 +90,7 @@ impl fmt::Display for Regularity {
 /// ```
 #[derive(Debug)]
 pub struct Sensitivity<'a> {
-    nmpc: &'a mut Nmpc,
+    program: Program<'a>,
     layout: Layout,
     plan: Solution,
     qp: Qp,
@@ -114,16 +102,24 @@ pub struct Sensitivity<'a> {
 }
 
 /// A plan and what it was made for.
-pub(super) struct Plan<'a> {
-    x0: &'a [f64],
-    z: &'a [f64],
-    multipliers: &'a Multipliers,
-    targets: Targets<'a>,
-    tracked: &'a [Tracked],
+pub(crate) struct Plan<'a> {
+    pub(crate) x0: &'a [f64],
+    pub(crate) z: &'a [f64],
+    pub(crate) multipliers: &'a Multipliers,
+    pub(crate) reference: &'a [f64],
+    pub(crate) u_before: &'a [f64],
+    pub(crate) tracked: &'a [Tracked],
 }
 
-impl Nmpc {
-    /// Differentiates the plan of the last step, which was given `reference` and found
+/// What a plan was made for: its reference, and the input applied last.
+#[derive(Clone, Copy, Debug)]
+struct Targets<'a> {
+    reference: &'a [f64],
+    u_before: &'a [f64],
+}
+
+impl<'a> Sensitivity<'a> {
+    /// Differentiates the plan of the controller's last step, which was given `reference` and found
     /// `u_before` applied last; `smoothing` is tau of a smoothed plan, in units of the cost.
     ///
     /// # Shapes
@@ -133,56 +129,54 @@ impl Nmpc {
     /// # Errors
     ///
     /// [`MpcError`] if an argument is of the wrong length or not finite, or `smoothing` not
-    /// positive.
-    pub fn sensitivity(
-        &mut self,
+    /// positive; or if the plan is one for scenarios.
+    pub fn new(
+        nmpc: &'a mut Nmpc,
         reference: &[f64],
         u_before: &[f64],
         smoothing: Option<f64>,
-    ) -> Result<Sensitivity<'_>, MpcError> {
-        let dims = self.sqp.dims();
+    ) -> Result<Self, MpcError> {
+        let program = nmpc.program();
+        let dims = program.constants().dims;
         if !dims.tree.is_chain() {
             return Err(MpcError::ScenarioDerivatives);
         }
-        let outputs = self.problem().tracked.len();
+        let outputs = program.nmpc().problem().tracked.len();
         check_finite("reference", reference, dims.horizon * outputs)?;
         check_finite("u_before", u_before, dims.nu)?;
-        if let Some(tau) = smoothing {
-            check_setting("smoothing", tau, "positive and finite", tau > 0.0 && tau.is_finite())?;
+        if let Some(value) = smoothing.filter(|tau| !(*tau > 0.0 && tau.is_finite())) {
+            let expected = "positive and finite";
+            return Err(MpcError::Setting { field: "smoothing", expected, value });
         }
-        let targets = Targets { reference, previous: u_before };
-        let mut sensitivity = Sensitivity::new(self);
+        let targets = Targets { reference, u_before };
+        let mut sensitivity = Self::of(program);
         sensitivity.evaluate(targets);
-        let margin = MARGIN * sensitivity.nmpc.config().tolerance;
-        sensitivity.find_limits(margin);
+        sensitivity.find_limits();
         match smoothing {
             None => sensitivity.differentiate(targets, None),
             Some(tau) => sensitivity.smooth(targets, tau),
         }
         Ok(sensitivity)
     }
-}
 
-impl<'a> Sensitivity<'a> {
-    fn new(nmpc: &'a mut Nmpc) -> Self {
-        let problem = nmpc.problem();
-        let (dims, model) = (nmpc.sqp.dims(), nmpc.horizon.dims());
-        let plain = nmpc.sqp.transcription.plain();
+    fn of(program: Program<'a>) -> Self {
+        let (nmpc, constants) = (program.nmpc(), program.constants());
+        let (problem, dims) = (nmpc.problem(), constants.dims);
         // Second derivatives couple states with both inputs beside them.
-        let qp = match plain.s_before.is_empty() {
-            true => plain.clone().with_end_cost(),
-            false => plain.clone(),
+        let qp = match constants.s_before.is_empty() {
+            true => constants.clone().with_end_cost(),
+            false => constants.clone(),
         };
         Self {
             layout: Layout::new(problem, dims),
             plan: nmpc.plan().clone(),
             qp,
             system: KktSystem::default(),
-            curvature: Curvature::new(problem, dims, model),
+            curvature: Curvature::new(problem, dims, nmpc.model().dims()),
             limits: Vec::new(),
             entries: Entries::default(),
             regularity: Regularity::Regular,
-            nmpc,
+            program,
         }
     }
 
@@ -223,10 +217,8 @@ impl<'a> Sensitivity<'a> {
         }
         let mut vector = vec![0.0; Places::new(dims).length];
         self.entries.apply(change.values(), &mut vector);
-        let Nmpc { horizon, sqp, .. } = &mut *self.nmpc;
         self.curvature.subtract_along_parameters(
-            horizon,
-            &mut sqp.transcription,
+            &mut self.program,
             change.get(Given::Parameters),
             &mut vector,
         );
@@ -257,10 +249,8 @@ impl<'a> Sensitivity<'a> {
         by_inputs: &[f64],
     ) -> Result<ProblemDerivative, MpcError> {
         let dims = self.dims();
-        check_range("by_states", by_states.len(), 0, dims.all_states())?;
-        check_range("by_inputs", by_inputs.len(), 0, dims.all_inputs())?;
-        check_finite("by_states", by_states, by_states.len())?;
-        check_finite("by_inputs", by_inputs, by_inputs.len())?;
+        check_gradient("by_states", by_states, dims.all_states())?;
+        check_gradient("by_inputs", by_inputs, dims.all_inputs())?;
         let mut gradient = self.no_change();
         if self.regularity == Regularity::Singular {
             gradient.values_mut().fill(f64::NAN);
@@ -271,10 +261,8 @@ impl<'a> Sensitivity<'a> {
         w[dims.all_states()..][..by_inputs.len()].copy_from_slice(by_inputs);
         self.system.solve(&mut w);
         self.entries.apply_transposed(&w, gradient.values_mut());
-        let Nmpc { horizon, sqp, .. } = &mut *self.nmpc;
         self.curvature.subtract_adjoint(
-            horizon,
-            &mut sqp.transcription,
+            &mut self.program,
             &w[..dims.unknowns()],
             gradient.get_mut(Given::Parameters),
         );
@@ -285,33 +273,23 @@ impl<'a> Sensitivity<'a> {
         self.qp.dims
     }
 
-    /// Writes the problem at the plan into `qp`, in the plant's units.
+    /// Writes the problem at the plan into `qp`.
     fn evaluate(&mut self, targets: Targets<'_>) {
-        let Nmpc { horizon, sqp, start, .. } = &mut *self.nmpc;
-        let at = [start.as_slice(), &self.plan.z];
-        let plain = sqp.transcription.plain();
-        self.qp.q.copy_from_slice(&plain.q);
+        self.qp.q.copy_from_slice(&self.program.constants().q);
         [&mut self.qp.s, &mut self.qp.s_before, &mut self.qp.t]
             .into_iter()
             .for_each(|block| block.fill(0.0));
-        sqp.transcription.evaluate_plain(horizon, at, targets, &mut self.qp);
-        sqp.transcription.take_linearized();
+        let Targets { reference, u_before } = targets;
+        self.program.evaluate(&self.plan.z, reference, u_before, &mut self.qp);
     }
 
     /// Finds which limits are active, in the units of the optimization, and whether the plan is
     /// optimal.
-    fn find_limits(&mut self, margin: f64) {
-        let transcription = &self.nmpc.sqp.transcription;
-        let (mut qp, mut at) = (self.qp.clone(), self.plan.clone());
-        let units = &transcription.units;
-        if !units.is_identity() {
-            units.scale_constants(&mut qp);
-            units.scale_constraints(&mut qp);
-            units.scale_cost(&mut qp, 0.0);
-            units.convert(&mut at.multipliers, false);
-        }
-        let residual = KktResidual::new(&qp, &at, &mut vec![0.0; qp.gradient.len()]).max();
-        let multipliers = limit_multipliers(&at.multipliers);
+    fn find_limits(&mut self) {
+        let (qp, multipliers, residual) = self.program.judge(&self.qp, &self.plan);
+        let tolerance = self.program.nmpc().config().tolerance;
+        let margin = MARGIN * tolerance;
+        let multipliers = limit_multipliers(&multipliers);
         let mut kink = None;
         self.limits.clear();
         for (i, (row, mu)) in rows(&qp).zip(multipliers).enumerate() {
@@ -321,12 +299,11 @@ impl<'a> Sensitivity<'a> {
                 limit = Limit::of([f64::NEG_INFINITY, f64::INFINITY, f64::INFINITY], 0.0, 0.0).0;
             } else if let Some(upper) = side {
                 let (kind, index) = place;
-                kink = kink.or(Some(transcription.name(Row { kind, index, upper })));
+                kink = kink.or(Some(self.program.name(Row { kind, index, upper })));
             }
             self.limits.push(limit);
         }
-        let tolerance = self.nmpc.config().tolerance;
-        self.regularity = if residual > 10.0 * tolerance {
+        self.regularity = if residual.max() > 10.0 * tolerance {
             Regularity::NotOptimal
         } else {
             kink.map_or(Regularity::Regular, Regularity::Kink)
@@ -345,21 +322,14 @@ impl<'a> Sensitivity<'a> {
             return;
         }
         let dims = self.dims();
-        let nmpc = &mut *self.nmpc;
-        let problem = nmpc.problem().clone();
-        let p = nmpc.parameters().to_vec();
-        let plan = Plan {
-            x0: &nmpc.start,
-            z: &self.plan.z,
-            multipliers: &self.plan.multipliers,
-            targets,
-            tracked: &problem.tracked,
-        };
-        let with_outputs = problem.uses_outputs();
-        let by_parameters = ByParameters::new(&mut nmpc.horizon, dims, (&plan, &p), with_outputs);
+        let nmpc = self.program.nmpc();
+        let (problem, p) = (nmpc.problem().clone(), nmpc.parameters().to_vec());
+        let x0 = self.program.start().to_vec();
+        let plan = targets.plan(&x0, &self.plan, &problem.tracked);
+        let by_parameters = ByParameters::new(&mut self.program, dims, (&plan, &p));
         self.entries = Entries::new(&Conditions {
             problem: &problem,
-            transcription: &nmpc.sqp.transcription,
+            program: &self.program,
             layout: &self.layout,
             plan: &plan,
             qp: &self.qp,
@@ -371,17 +341,11 @@ impl<'a> Sensitivity<'a> {
 
     /// Adds the curvature to the problem at the plan, and factors.
     fn factor(&mut self, targets: Targets<'_>) -> bool {
-        let p = self.nmpc.parameters().to_vec();
-        let tracked = self.nmpc.problem().tracked.clone();
-        let Nmpc { horizon, sqp, start, .. } = &mut *self.nmpc;
-        let plan = Plan {
-            x0: start,
-            z: &self.plan.z,
-            multipliers: &self.plan.multipliers,
-            targets,
-            tracked: &tracked,
-        };
-        self.curvature.add(horizon, &mut sqp.transcription, (&plan, &p), &mut self.qp);
+        let nmpc = self.program.nmpc();
+        let (tracked, p) = (nmpc.problem().tracked.clone(), nmpc.parameters().to_vec());
+        let x0 = self.program.start().to_vec();
+        let plan = targets.plan(&x0, &self.plan, &tracked);
+        self.curvature.add(&mut self.program, (&plan, &p), &mut self.qp);
         let Qp { q, s, s_before, t, a, b, .. } = &self.qp;
         let finite = [q, s, s_before, t, a, b].into_iter().all(|part| all_finite(part));
         let compliance: Vec<f64> = self.limits.iter().map(|limit| limit.compliance).collect();
@@ -484,6 +448,14 @@ impl<'a> Sensitivity<'a> {
     }
 }
 
+impl<'a> Targets<'a> {
+    fn plan(self, x0: &'a [f64], solution: &'a Solution, tracked: &'a [Tracked]) -> Plan<'a> {
+        let Self { reference, u_before } = self;
+        let Solution { z, multipliers, .. } = solution;
+        Plan { x0, z, multipliers, reference, u_before, tracked }
+    }
+}
+
 impl Smoothed {
     /// Writes its multipliers to those of a plan.
     fn write_to(&self, qp: &Qp, multipliers: &mut Multipliers) {
@@ -524,4 +496,27 @@ fn place(dims: OcpDims, i: usize) -> (Kind, usize) {
 /// Whether a row depends on the unknowns: outputs at the measured state may not.
 fn has_unknowns(qp: &Qp, row: usize) -> bool {
     entries::row_slopes(qp, row).iter().any(|(_, slope)| *slope != 0.0)
+}
+
+/// Whether a gradient has no more numbers than `most`, all finite.
+fn check_gradient(field: &'static str, values: &[f64], most: usize) -> Result<(), MpcError> {
+    let found = values.len();
+    if found > most {
+        return Err(MpcError::Range { field, low: 0, high: most, found });
+    }
+    check_finite(field, values, found)
+}
+
+/// Whether `values` has `expected` entries, all finite.
+fn check_finite(field: &'static str, values: &[f64], expected: usize) -> Result<(), MpcError> {
+    let found = values.len();
+    if found != expected {
+        return Err(MpcError::Length { field, expected, found });
+    }
+    match values.iter().position(|value| !value.is_finite()) {
+        None => Ok(()),
+        Some(index) => {
+            Err(MpcError::Number { field, index, expected: "finite", value: values[index] })
+        }
+    }
 }

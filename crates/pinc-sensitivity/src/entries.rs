@@ -1,13 +1,10 @@
 //! The optimality conditions, differentiated in the numbers that the problem is given.
 
-use super::Plan;
-use super::data::{Given, Layout};
-use super::limits::Limit;
-use super::system::Places;
-use crate::horizon::Horizon;
-use crate::outputs::{IntervalEnd, OutputPoints};
-use crate::transcription::Transcription;
-use crate::{NmpcProblem, Tracked};
+use crate::data::{Given, Layout};
+use crate::limits::Limit;
+use crate::sensitivity::Plan;
+use crate::system::Places;
+use pinc_mpc::{IntervalEnd, NmpcProblem, Program, Tracked};
 use pinc_ode::{Dims, Linearization, OutputLinearization, Stages};
 use pinc_qp::{OcpDims, Qp};
 
@@ -15,36 +12,36 @@ use pinc_qp::{OcpDims, Qp};
 /// list of entries: row of the conditions, number given, value. A right-hand side is these entries
 /// times a change; a gradient is their transpose times a solution.
 #[derive(Debug, Default)]
-pub(super) struct Entries(Vec<(usize, usize, f64)>);
+pub(crate) struct Entries(Vec<(usize, usize, f64)>);
 
 /// What the entries are made from.
-pub(super) struct Conditions<'a> {
-    pub(super) problem: &'a NmpcProblem,
-    pub(super) transcription: &'a Transcription,
-    pub(super) layout: &'a Layout,
-    pub(super) plan: &'a Plan<'a>,
-    pub(super) qp: &'a Qp,
-    pub(super) limits: &'a [Limit],
-    pub(super) by_start: &'a [f64],
-    pub(super) by_parameters: &'a ByParameters,
+pub(crate) struct Conditions<'a> {
+    pub(crate) problem: &'a NmpcProblem,
+    pub(crate) program: &'a Program<'a>,
+    pub(crate) layout: &'a Layout,
+    pub(crate) plan: &'a Plan<'a>,
+    pub(crate) qp: &'a Qp,
+    pub(crate) limits: &'a [Limit],
+    pub(crate) by_start: &'a [f64],
+    pub(crate) by_parameters: &'a ByParameters,
 }
 
 impl Entries {
     /// Adds the entries times `change` to `right`.
-    pub(super) fn apply(&self, change: &[f64], right: &mut [f64]) {
+    pub(crate) fn apply(&self, change: &[f64], right: &mut [f64]) {
         for &(row, given, value) in &self.0 {
             right[row] += value * change[given];
         }
     }
 
     /// Adds the transposed entries times `w` to `gradient`.
-    pub(super) fn apply_transposed(&self, w: &[f64], gradient: &mut [f64]) {
+    pub(crate) fn apply_transposed(&self, w: &[f64], gradient: &mut [f64]) {
         for &(row, given, value) in &self.0 {
             gradient[given] += value * w[row];
         }
     }
 
-    pub(super) fn new(of: &Conditions<'_>) -> Self {
+    pub(crate) fn new(of: &Conditions<'_>) -> Self {
         let mut entries = Self::default();
         entries.add_state(of);
         entries.add_tracking(of);
@@ -101,8 +98,8 @@ impl Entries {
         let tracked = &of.problem.tracked;
         let count = tracked.len();
         for j in dims.constrained() {
-            let q = of.transcription.cost.tracking_weight(j);
-            let errors = of.plan.errors(of.transcription, j);
+            let q = of.program.tracking_weight(j);
+            let errors = of.plan.errors(of.program, j);
             let place = |i, k| of.layout.q(j, j == dims.horizon, i, k);
             for (i, &quantity) in tracked.iter().enumerate() {
                 for (row, slope) in slopes(of, j, quantity) {
@@ -186,7 +183,7 @@ impl Entries {
             self.push(at.bounds + v, low, limit.low);
             self.push(at.bounds + v, high, limit.high);
         }
-        let (bounds, increments) = (&of.transcription.bounds, &of.transcription.increments);
+        let [bounds, increments] = of.program.bounds();
         for v in 0..dims.all_inputs() {
             let (limit, row) = (of.limits[dims.unknowns() + v], at.increments + v);
             let first = v < dims.nu;
@@ -222,7 +219,7 @@ impl Entries {
         let first = dims.unknowns() + dims.all_inputs();
         for j in stages {
             let rows = dims.stage_rows(j).skip(dims.general());
-            for (row, (output, end)) in rows.zip(of.transcription.output_rows.iter()) {
+            for (row, (output, end)) in rows.zip(of.program.output_rows()) {
                 let limit = of.limits[first + row];
                 if limit.compliance.is_infinite() {
                     continue;
@@ -254,7 +251,7 @@ impl Entries {
         let stages = if dims.rows() > 0 { dims.constrained() } else { 0..0 };
         for j in stages {
             let rows = dims.stage_rows(j).start;
-            let outputs = of.transcription.output_rows.iter();
+            let outputs = of.program.output_rows();
             let general = (0..dims.general()).map(|i| (Given::ConstraintPenalty, i));
             let all = general.chain(outputs.map(|(output, _)| (Given::OutputPenalty, output)));
             for (row, (given, i)) in all.enumerate().map(|(row, of)| (rows + row, of)) {
@@ -275,21 +272,20 @@ impl Entries {
 fn slopes(of: &Conditions<'_>, j: usize, tracked: Tracked) -> Vec<(usize, f64)> {
     let dims = of.qp.dims;
     let state = dims.next_state(j - 1).start;
-    let ends = of.transcription.outputs.as_ref().map(crate::outputs::Outputs::ends);
-    match (tracked, ends) {
-        (Tracked::State(index), _) => vec![(state + index, 1.0)],
-        (Tracked::Input(index), _) => vec![(dims.input(dims.acting(j - 1)).start + index, 1.0)],
-        (Tracked::Output(output), Some(ends)) => {
-            let [c, d] = ends.rows(j, output);
-            let input = dims.input(dims.acting(j - 1));
-            (state..).zip(c.iter().copied()).chain(input.zip(d.iter().copied())).collect()
+    let input = dims.input(dims.acting(j - 1));
+    match tracked {
+        Tracked::State(index) => vec![(state + index, 1.0)],
+        Tracked::Input(index) => vec![(input.start + index, 1.0)],
+        Tracked::Output(output) => {
+            let Some(point) = of.program.output(j, output) else { return Vec::new() };
+            let (by_x, by_u) = (point.by_x.iter().copied(), point.by_u.iter().copied());
+            (state..).zip(by_x).chain(input.zip(by_u)).collect()
         }
-        (Tracked::Output(_), None) => Vec::new(),
     }
 }
 
 /// The derivatives of a row in the unknowns.
-pub(super) fn row_slopes(qp: &Qp, row: usize) -> Vec<(usize, f64)> {
+pub(crate) fn row_slopes(qp: &Qp, row: usize) -> Vec<(usize, f64)> {
     let dims = qp.dims;
     let (state, input) = dims.row_place(row);
     let [by_x, by_u] = qp.row_jacobians(row..row + 1);
@@ -299,7 +295,7 @@ pub(super) fn row_slopes(qp: &Qp, row: usize) -> Vec<(usize, f64)> {
 
 /// First derivatives in p along a plan.
 #[derive(Debug)]
-pub(super) struct ByParameters {
+pub(crate) struct ByParameters {
     model: Dims,
     /// `[N, n, np]`
     dynamics: Vec<f64>,
@@ -308,18 +304,17 @@ pub(super) struct ByParameters {
 }
 
 impl ByParameters {
-    pub(super) fn new(
-        horizon: &mut Horizon,
+    pub(crate) fn new(
+        program: &mut Program<'_>,
         dims: OcpDims,
         (plan, p): (&Plan<'_>, &[f64]),
-        with_outputs: bool,
     ) -> Self {
-        let model = horizon.dims();
+        let model = program.nmpc().model().dims();
         let Dims { nx, nu, np, ny, .. } = model;
         let count = dims.horizon;
         let zeros = |rows: usize, width: usize| vec![0.0; count * rows * width];
         let mut dynamics = zeros(nx, np);
-        let points = if with_outputs { count * ny * np } else { 0 };
+        let points = if program.uses_outputs() { count * ny * np } else { 0 };
         let mut outputs = [vec![0.0; points], vec![0.0; points]];
         if np == 0 {
             return Self { model, dynamics, outputs };
@@ -330,13 +325,13 @@ impl ByParameters {
         let at = Stages { x: &x, u: &u, p: &p.repeat(count) };
         let (mut next, mut a, mut b) = (zeros(nx, 1), zeros(nx, nx), zeros(nx, nu));
         let out = Linearization { next: &mut next, a: &mut a, b: &mut b, e: &mut dynamics };
-        horizon.linearize(at, out, &mut || false);
+        program.linearize(at, out);
         let (mut y, mut c, mut d) = (vec![0.0; ny], vec![0.0; ny * nx], vec![0.0; ny * nu]);
         for (outputs, later) in outputs.iter_mut().zip([1, 0]) {
             for (j, e) in outputs.chunks_exact_mut((ny * np).max(1)).enumerate() {
                 let at = Stages { x: plan.state(dims, j + later), u: &u[j * nu..(j + 1) * nu], p };
                 let out = OutputLinearization { y: &mut y, c: &mut c, d: &mut d, e };
-                horizon.at(j).linearize_output(at, out);
+                program.linearize_output(j, at, out);
             }
         }
         Self { model, dynamics, outputs }
@@ -360,51 +355,39 @@ impl ByParameters {
 
 impl Plan<'_> {
     /// `x_j`
-    pub(super) fn state(&self, dims: OcpDims, j: usize) -> &[f64] {
+    pub(crate) fn state(&self, dims: OcpDims, j: usize) -> &[f64] {
         dims.state(j).map_or(self.x0, |state| &self.z[state])
     }
 
     /// Input `k` of (u[k-1], u[k], ..) at place `i`.
     fn input(&self, dims: OcpDims, i: usize, k: usize) -> f64 {
         match i.checked_sub(1) {
-            None => self.targets.previous[k],
+            None => self.u_before[k],
             Some(i) => self.z[dims.input(i)][k],
         }
     }
 
     /// e = y - yref at stage `j`.
-    fn errors(&self, transcription: &Transcription, j: usize) -> Vec<f64> {
-        let ends = transcription.outputs.as_ref().map(crate::outputs::Outputs::ends);
-        self.errors_with(ends, transcription, j)
-    }
-
-    fn errors_with(
-        &self,
-        ends: Option<&OutputPoints>,
-        transcription: &Transcription,
-        j: usize,
-    ) -> Vec<f64> {
-        let dims = transcription.plain().dims;
-        let reference = self.targets.reference[(j - 1) * self.tracked.len()..].iter();
-        let value = |tracked: &Tracked| match (*tracked, ends) {
-            (Tracked::State(state), _) => self.state(dims, j)[state],
-            (Tracked::Input(input), _) => self.z[dims.input(dims.acting(j - 1))][input],
-            (Tracked::Output(output), Some(ends)) => ends.y(j)[output],
-            (Tracked::Output(_), None) => 0.0,
+    fn errors(&self, program: &Program<'_>, j: usize) -> Vec<f64> {
+        let dims = program.constants().dims;
+        let reference = self.reference[(j - 1) * self.tracked.len()..].iter();
+        let value = |tracked: &Tracked| match *tracked {
+            Tracked::State(state) => self.state(dims, j)[state],
+            Tracked::Input(input) => self.z[dims.input(dims.acting(j - 1))][input],
+            Tracked::Output(output) => program.output(j, output).map_or(0.0, |point| point.y),
         };
         self.tracked.iter().map(value).zip(reference).map(|(y, reference)| y - reference).collect()
     }
 
     /// Calls `see` with each tracked quantity at stage `j` and 2 Q e there.
-    pub(super) fn tracking(
+    pub(crate) fn tracking(
         &self,
-        transcription: &Transcription,
-        ends: &OutputPoints,
+        program: &Program<'_>,
         j: usize,
         mut see: impl FnMut(Tracked, f64),
     ) {
-        let errors = self.errors_with(Some(ends), transcription, j);
-        let q = transcription.cost.tracking_weight(j);
+        let errors = self.errors(program, j);
+        let q = program.tracking_weight(j);
         for (tracked, q) in self.tracked.iter().zip(q.chunks_exact(errors.len())) {
             see(*tracked, q.iter().zip(&errors).map(|(q, e)| q * e).sum());
         }

@@ -1,0 +1,6 @@
+//! Derivatives of plans against central differences of the solver, and against formulas.
+
+mod differences;
+mod formulas;
+mod problems;
+mod stream;

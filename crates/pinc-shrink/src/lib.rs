@@ -1,0 +1,209 @@
+#![doc = include_str!("../README.md")]
+//! # Tour
+//!
+//! - [`shrink`] makes a [`Policy`], a net in place of a controller, and judges its closed loops;
+//! - [`Checked`] checks its plans by the model, one rollout each;
+//! - [`policy_to_c`] writes both as C99 without a quadratic program, beside an exported model.
+
+#![forbid(unsafe_code)]
+
+mod c;
+mod check;
+mod judge;
+mod net;
+mod policy;
+mod samples;
+mod train;
+
+pub use c::policy_to_c;
+pub use check::{Checked, Rating, rate};
+pub use judge::{Judgement, Outcome};
+pub use policy::Policy;
+
+use net::Net;
+use pinc_batch::NmpcBatch;
+use pinc_mpc::{Bounds, MpcError, Nmpc, Tracked};
+use pinc_net::{NetError, Workers};
+use pinc_ode::Simulator;
+use policy::{Limits, Scale};
+use rand::SeedableRng;
+use rand::rngs::ChaCha8Rng;
+use samples::Drawn;
+use thiserror::Error;
+
+/// An error of this crate.
+#[derive(Debug, Error)]
+#[non_exhaustive]
+pub enum ShrinkError {
+    /// Something of the controller that a net does not replace.
+    #[error("a net cannot replace a controller with {feature}; use {instead}")]
+    Feature {
+        /// What the controller has.
+        feature: &'static str,
+        /// What to use instead.
+        instead: &'static str,
+    },
+    /// Too few plans to train on.
+    #[error("only {found} of {drawn} plans are optimal, too few to train on; check the bounds")]
+    Labels {
+        /// How many are optimal.
+        found: usize,
+        /// How many situations were drawn.
+        drawn: usize,
+    },
+    /// An error of the controller.
+    #[error(transparent)]
+    Mpc(#[from] MpcError),
+    /// An error of the training.
+    #[error(transparent)]
+    Net(#[from] NetError),
+}
+
+/// Where the net is to control.
+#[derive(Clone, Debug)]
+pub struct Region {
+    /// The states in which loops begin.
+    pub states: Bounds,
+    /// The values to follow.
+    pub references: Bounds,
+    /// The input applied before a loop.
+    pub u_before: Vec<f64>,
+}
+
+/// How a controller becomes a net.
+#[derive(Clone, Debug)]
+pub struct ShrinkConfig {
+    /// Neurons in each of the two hidden layers.
+    pub neurons: usize,
+    /// How many plans the net is trained on, about.
+    pub samples: usize,
+    /// The most iterations of the training.
+    pub iterations: usize,
+    /// Loops to judge by.
+    pub loops: usize,
+    /// For how many control steps a loop follows a value.
+    pub hold: usize,
+    /// The seed of all random numbers.
+    pub seed: u64,
+    /// Threads of the training (0: one per core); they change no result.
+    pub threads: usize,
+}
+
+impl Default for ShrinkConfig {
+    /// The recommended values.
+    fn default() -> Self {
+        Self {
+            neurons: 20,
+            samples: 6000,
+            iterations: 600,
+            loops: 200,
+            hold: 30,
+            seed: 1,
+            threads: 0,
+        }
+    }
+}
+
+/// What is done.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[non_exhaustive]
+pub enum Stage {
+    /// Plans are made in so many situations.
+    Labelling(usize),
+    /// The net is trained: iterations done, loss.
+    Training(usize, f64),
+    /// So many loops are judged.
+    Judging(usize),
+}
+
+/// A net in place of a controller.
+#[derive(Clone, Debug)]
+pub struct Shrunk {
+    /// The net.
+    pub policy: Policy,
+    /// How many plans it was trained on.
+    pub labels: usize,
+    /// The loss of the training: squared errors in units in which plans go from -1 to 1.
+    pub loss: f64,
+    /// Its closed loops beside the controller's.
+    pub judgement: Judgement,
+}
+
+/// Trains a net on plans of a controller, made along closed loops with `plant` and around them, and
+/// on their derivatives; and judges it on other loops. The controller sees no later values of its
+/// references. Results are the same on any number of threads.
+///
+/// # Errors
+///
+/// [`ShrinkError`] if the controller has something that a net does not replace, or has too few
+/// optimal plans.
+pub fn shrink(
+    batch: &mut NmpcBatch,
+    plant: &Simulator,
+    region: &Region,
+    config: &ShrinkConfig,
+    see: &mut dyn FnMut(Stage),
+) -> Result<Shrunk, ShrinkError> {
+    batch.each(1, |nmpc, _| check_controller(nmpc)).into_iter().collect::<Result<(), _>>()?;
+    let workers = Workers::new(config.threads)?;
+    let stream = |purpose: u64| {
+        let mut random = ChaCha8Rng::seed_from_u64(config.seed);
+        random.set_stream(purpose);
+        random
+    };
+    let mut random = stream(1);
+    let problem = batch.nmpc().problem().clone();
+    let dims = batch.nmpc().model().dims();
+    let limits = Limits::new(&problem, dims);
+    // Two situations from each fourth step.
+    let loops = (config.samples / config.hold).max(2);
+    let drawn = Drawn::new(region, (loops, config.hold), &mut random)?;
+    let traces = drawn.run(batch, plant, &region.u_before)?;
+    let every = (region, 4);
+    let situations = drawn.situations(&traces, every, &problem.input_bounds, &mut random);
+    see(Stage::Labelling(situations.len()));
+    let inputs = Scale::of(situations.iter().map(Vec::as_slice));
+    let labels = samples::label(batch, &situations, (&inputs, &limits), &mut random)?;
+    if labels.len() < situations.len() / 4 || labels.is_empty() {
+        return Err(ShrinkError::Labels { found: labels.len(), drawn: situations.len() });
+    }
+    let outputs = Scale::of(labels.iter().map(|label| &label.plan[..]));
+    let hidden = config.neurons.max(1);
+    let widths = vec![inputs.half.len(), hidden, hidden, outputs.half.len()];
+    let mut net = Net::new(widths, &mut stream(2));
+    let how = (config.iterations, &workers);
+    let mut told = |iteration, loss| see(Stage::Training(iteration, loss));
+    let loss = train::train(&mut net, &labels, [&inputs, &outputs], how, &mut told);
+    let policy = Policy::new(net, inputs, outputs, limits);
+    see(Stage::Judging(config.loops));
+    let fresh = Drawn::new(region, (config.loops, config.hold), &mut stream(3))?;
+    let judgement = judge::judge(batch, (plant, region), &policy, &fresh)?;
+    Ok(Shrunk { policy, labels: labels.len(), loss, judgement })
+}
+
+/// Refuses what a net does not replace.
+fn check_controller(nmpc: &mut Nmpc) -> Result<(), ShrinkError> {
+    let costed = nmpc.program().has_stage_cost();
+    let problem = nmpc.problem();
+    let is_output = |tracked: &Tracked| matches!(tracked, Tracked::Output(_));
+    let outputs = problem.output_bounds.is_some() || problem.tracked.iter().any(is_output);
+    let times = nmpc.stage_times_s();
+    let equal = times.windows(2).all(|pair| {
+        (pair[1] - pair[0] - nmpc.model().sample_time_s()).abs() <= 1e-9 * pair[1].abs()
+    });
+    let refused = [
+        (outputs, "tracked or bounded outputs", "states"),
+        (costed || problem.tracked.is_empty(), "a stage cost", "references"),
+        (problem.constraints.is_some(), "constraints h and g", "bounds"),
+        (problem.delay > 0, "a delay", "a state that holds the input under way"),
+        (problem.scenarios.is_some(), "scenarios", "nominal parameters"),
+        (problem.weights.input_sequence.is_some(), "a weight of all inputs", "r"),
+        (!equal, "stages of different lengths", "stages of one length"),
+    ];
+    for (there, feature, instead) in refused {
+        if there {
+            return Err(ShrinkError::Feature { feature, instead });
+        }
+    }
+    Ok(())
+}

@@ -1,0 +1,182 @@
+//! Situations along closed loops and around them, and the plans made there.
+
+use crate::policy::{Limits, Scale};
+use crate::{Region, ShrinkError};
+use pinc_batch::{LoopTrace, Loops, NmpcBatch};
+use pinc_mpc::{Bounds, MpcError, Nmpc, Reference, SqpStatus};
+use pinc_ode::Simulator;
+use pinc_sensitivity::{Given, Regularity, Sensitivity};
+use rand::RngExt;
+use rand::rngs::ChaCha8Rng;
+
+/// How far from a loop its neighbours are drawn, as a part of the region's width.
+const AROUND: f64 = 0.15;
+
+/// An input counts as bounded if it is nearer to its bound than this part of the bounds' width.
+const AT_BOUND: f64 = 1e-6;
+
+/// Loops to be run: their first states and references.
+#[derive(Clone, Debug)]
+pub(crate) struct Drawn {
+    pub(crate) x: Vec<f64>,
+    pub(crate) references: Vec<Reference>,
+}
+
+/// A situation: state, values to follow and the input applied last, one behind the other.
+pub(crate) type Situation = Vec<f64>;
+
+/// A plan in a situation, and its derivative along one direction.
+#[derive(Clone, Debug)]
+pub(crate) struct Label {
+    pub(crate) at: Situation,
+    pub(crate) plan: Vec<f64>,
+    pub(crate) direction: Vec<f64>,
+    /// `None` where the plan has no derivative.
+    pub(crate) slope: Option<Vec<f64>>,
+    /// Per input: -1 at its lower bound, 1 at its upper bound, 0 elsewhere.
+    pub(crate) sides: Vec<i8>,
+}
+
+fn uniform(random: &mut ChaCha8Rng, low: f64, high: f64) -> f64 {
+    if high > low { random.random_range(low..high) } else { low }
+}
+
+fn point(random: &mut ChaCha8Rng, within: &Bounds) -> Vec<f64> {
+    within.low.iter().zip(&within.high).map(|(low, high)| uniform(random, *low, *high)).collect()
+}
+
+impl Drawn {
+    /// So many loops with first states and references drawn from `region`; each follows two
+    /// values, one after the other, for `hold` steps each.
+    pub(crate) fn new(
+        region: &Region,
+        (loops, hold): (usize, usize),
+        random: &mut ChaCha8Rng,
+    ) -> Result<Self, MpcError> {
+        let (mut x, mut references) = (Vec::new(), Vec::new());
+        for _ in 0..loops {
+            x.extend(point(random, &region.states));
+            let values = [point(random, &region.references), point(random, &region.references)];
+            let rows = values.iter().flat_map(|value| value.repeat(hold)).collect();
+            references.push(Reference::new(rows, region.references.low.len())?);
+        }
+        Ok(Self { x, references })
+    }
+
+    /// The loops under the controller.
+    pub(crate) fn run(
+        &self,
+        batch: &mut NmpcBatch,
+        plant: &Simulator,
+        u_before: &[f64],
+    ) -> Result<Vec<LoopTrace>, MpcError> {
+        batch.loops(Loops {
+            x: &self.x,
+            references: &self.references,
+            plants: std::slice::from_ref(plant),
+            u_before,
+            preview: false,
+        })
+    }
+
+    /// Every `step`-th situation of the loops, and beside each one drawn around it.
+    pub(crate) fn situations(
+        &self,
+        traces: &[LoopTrace],
+        (region, step): (&Region, usize),
+        inputs: &Bounds,
+        random: &mut ChaCha8Rng,
+    ) -> Vec<Situation> {
+        let (n, m) = (region.states.low.len(), region.u_before.len());
+        let mut all = Vec::new();
+        for (trace, reference) in traces.iter().zip(&self.references) {
+            for k in (random.random_range(0..step)..trace.inputs.len() / m).step_by(step) {
+                let x = &trace.states[k * n..(k + 1) * n];
+                let before = match k.checked_sub(1) {
+                    None => &region.u_before[..],
+                    Some(k) => &trace.inputs[k * m..(k + 1) * m],
+                };
+                all.push([x, reference.at(k), before].concat());
+                let mut near = |values: &[f64], within: &Bounds| -> Vec<f64> {
+                    let ends = within.low.iter().zip(&within.high);
+                    let moved = values.iter().zip(ends).map(|(value, (low, high))| {
+                        let width = if (high - low).is_finite() { high - low } else { 1.0 };
+                        let step = AROUND * width;
+                        let moved = value + uniform(random, -step, step);
+                        moved.max(low.min(*value)).min(high.max(*value))
+                    });
+                    moved.collect()
+                };
+                let around = [
+                    near(x, &region.states),
+                    near(reference.at(k), &region.references),
+                    near(before, inputs),
+                ];
+                all.push(around.concat());
+            }
+        }
+        all
+    }
+}
+
+/// Plans with their derivatives, along one random direction each; situations without an optimal
+/// plan are left out.
+pub(crate) fn label(
+    batch: &mut NmpcBatch,
+    situations: &[Situation],
+    (scale, limits): (&Scale, &Limits),
+    random: &mut ChaCha8Rng,
+) -> Result<Vec<Label>, ShrinkError> {
+    let directions: Vec<Vec<f64>> = situations
+        .iter()
+        .map(|at| {
+            let drawn: Vec<f64> = at.iter().map(|_| random.random_range(-1.0..1.0)).collect();
+            let norm = drawn.iter().map(|d| d * d).sum::<f64>().sqrt().max(1e-9);
+            drawn.into_iter().zip(&scale.half).map(|(d, half)| half * d / norm).collect()
+        })
+        .collect();
+    let labels =
+        batch.each(situations.len(), |nmpc, k| one(nmpc, &situations[k], &directions[k], limits));
+    let labels: Result<Vec<_>, MpcError> = labels.into_iter().collect();
+    Ok(labels?.into_iter().flatten().collect())
+}
+
+/// State, values to follow and input of a situation.
+pub(crate) fn parts(nmpc: &Nmpc, at: &[f64]) -> [Vec<f64>; 3] {
+    let (n, outputs) = (nmpc.model().dims().nx, nmpc.problem().tracked.len());
+    [at[..n].to_vec(), at[n..n + outputs].to_vec(), at[n + outputs..].to_vec()]
+}
+
+fn one(
+    nmpc: &mut Nmpc,
+    at: &[f64],
+    direction: &[f64],
+    limits: &Limits,
+) -> Result<Option<Label>, MpcError> {
+    let [x, r, u_before] = parts(nmpc, at);
+    let reference = r.repeat(nmpc.problem().horizon);
+    nmpc.reset_input(&u_before)?;
+    if nmpc.step(&x, &reference)?.status != SqpStatus::Converged {
+        return Ok(None);
+    }
+    let plan = nmpc.plan().inputs().to_vec();
+    let bounds = plan.iter().zip(limits.bounds.low.iter().zip(&limits.bounds.high));
+    let side = |(u, (low, high)): (&f64, (&f64, &f64))| {
+        let near = AT_BOUND * if (high - low).is_finite() { high - low } else { 1.0 };
+        if u - low < near { -1 } else { i8::from(high - u < near) }
+    };
+    let sides = bounds.map(side).collect();
+    let [dx, dr, du] = parts(nmpc, direction);
+    let dr = dr.repeat(nmpc.problem().horizon);
+    let mut sensitivity = Sensitivity::new(nmpc, &reference, &u_before, None)?;
+    let mut change = sensitivity.no_change();
+    for (given, values) in [(Given::State, dx), (Given::Reference, dr), (Given::AppliedInput, du)] {
+        change.get_mut(given).copy_from_slice(&values);
+    }
+    let slope = match sensitivity.regularity() {
+        Regularity::Regular => Some(sensitivity.forward(&change)?.inputs().to_vec()),
+        _ => None,
+    };
+    let slope = slope.filter(|slope| slope.iter().all(|value| value.is_finite()));
+    Ok(Some(Label { at: at.to_vec(), plan, direction: direction.to_vec(), slope, sides }))
+}

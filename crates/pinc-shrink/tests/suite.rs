@@ -1,0 +1,224 @@
+//! Nets in place of controllers: the check against the controller's own cost, closed loops beside
+//! the controller's, and the exported C against the library.
+
+use pinc_ad::Scalar;
+use pinc_batch::NmpcBatch;
+use pinc_mpc::{Bounds, Constraints, Nmpc, NmpcProblem, SqpConfig, StageConstraints, Weights};
+use pinc_ode::{Dims, Rk4, Simulator};
+use pinc_plants::VanDerPol;
+use pinc_shrink::{Checked, Region, ShrinkConfig, ShrinkError, Shrunk, policy_to_c, rate, shrink};
+use std::fmt::Write as _;
+use std::path::Path;
+use std::process::Command;
+use std::{env, fs};
+
+/// The paper's problem for the oscillator.
+fn problem() -> NmpcProblem {
+    NmpcProblem {
+        state_bounds: Bounds::new(vec![-1.0; 2], vec![1.0; 2]),
+        input_bounds: Bounds::new(vec![-1.0], vec![1.0]),
+        ..NmpcProblem::new(Dims::new(2, 1), 5, Weights::uniform(vec![10.0; 2], vec![1.0]))
+    }
+}
+
+fn controller(problem: NmpcProblem) -> Nmpc {
+    let model = Rk4::new(VanDerPol::default(), 0.5, 4);
+    Nmpc::new(problem, Box::new(model), SqpConfig::default()).unwrap()
+}
+
+fn region() -> Region {
+    Region {
+        states: Bounds::new(vec![-0.6, -0.4], vec![0.9, 0.4]),
+        references: Bounds::new(vec![-0.5, 0.0], vec![0.8, 0.0]),
+        u_before: vec![0.0],
+    }
+}
+
+fn shrunk(config: &ShrinkConfig, threads: usize) -> Shrunk {
+    let make = || Ok::<_, ShrinkError>(controller(problem()));
+    let mut batch = NmpcBatch::new(threads, make).unwrap();
+    let plant = Simulator::new(&VanDerPol::default(), 1e-9);
+    shrink(&mut batch, &plant, &region(), config, &mut |_| {}).unwrap()
+}
+
+/// A small training; `PINC_SAMPLES` sets how many plans it has.
+fn small() -> ShrinkConfig {
+    let samples = env::var("PINC_SAMPLES").ok().map(|samples| samples.parse().unwrap());
+    let samples = samples.unwrap_or(1200);
+    ShrinkConfig {
+        neurons: 12,
+        samples,
+        iterations: 250,
+        loops: 40,
+        hold: 20,
+        ..Default::default()
+    }
+}
+
+/// The rating of the controller's own plan is the controller's own cost, and has no violation.
+#[test]
+fn the_cost_of_a_plan_is_the_controllers() {
+    let mut nmpc = controller(problem());
+    for (x, r, u) in [([0.3, 0.1], 0.0, 0.0), ([-0.4, 0.3], 0.6, -0.3), ([0.8, -0.2], -0.5, 0.2)] {
+        nmpc.reset_input(&[u]).unwrap();
+        let reference = [r, 0.0].repeat(5);
+        let cost = nmpc.step(&x, &reference).unwrap().cost;
+        let plan = nmpc.plan().inputs().to_vec();
+        let found = rate(&mut nmpc, [&x, &[r, 0.0], &[u]], &plan);
+        assert!((found.cost - cost).abs() < 1e-6 * cost, "{} is not {cost}", found.cost);
+        assert!(found.violation < 1e-6, "{}", found.violation);
+        let other: Vec<f64> = plan.iter().map(|u| 0.9 * u + 0.01).collect();
+        assert!(rate(&mut nmpc, [&x, &[r, 0.0], &[u]], &other).cost > cost);
+    }
+}
+
+/// On loops that it was not trained on, the net follows about as well as the controller; the check
+/// breaks no bound that the controller keeps, and the result is the same on one thread and on two.
+#[test]
+fn a_net_follows_as_its_controller() {
+    let found = shrunk(&small(), 1);
+    let judged = found.judgement;
+    assert_eq!(judged.loops, 40);
+    let ratio = judged.checked.iae / judged.nmpc.iae;
+    assert!((0.97..1.03).contains(&ratio), "{judged:?}, loss {}", found.loss);
+    assert!((0.9..1.1).contains(&(judged.net.iae / judged.nmpc.iae)), "{judged:?}");
+    assert_eq!(judged.checked.newly_broken, 0, "{judged:?}");
+    assert!(judged.checked.kept > 0.3, "{judged:?}");
+    let config = ShrinkConfig { iterations: 5, loops: 4, threads: 2, ..small() };
+    let (one, two) =
+        (shrunk(&ShrinkConfig { threads: 1, ..config.clone() }, 1), shrunk(&config, 2));
+    assert_eq!((one.loss.to_bits(), one.judgement), (two.loss.to_bits(), two.judgement));
+}
+
+/// What a net does not replace is named.
+#[test]
+fn constraints_are_refused() {
+    #[derive(Debug)]
+    struct Sum;
+    impl StageConstraints for Sum {
+        fn inequalities(&self) -> usize {
+            1
+        }
+        fn evaluate<S: Scalar>(&self, x: &[S], _: &[S], h: &mut [S], _: &mut [S]) {
+            h[0] = x[0] + x[1] - 3.0;
+        }
+    }
+    let make = || {
+        let problem = NmpcProblem { constraints: Some(Constraints::new(Sum)), ..problem() };
+        Ok::<_, ShrinkError>(controller(problem))
+    };
+    let mut batch = NmpcBatch::new(1, make).unwrap();
+    let plant = Simulator::new(&VanDerPol::default(), 1e-9);
+    let refused = shrink(&mut batch, &plant, &region(), &small(), &mut |_| {}).unwrap_err();
+    assert!(refused.to_string().contains("constraints h and g"), "{refused}");
+}
+
+/// RK4 of the oscillator in C, written by hand: x1' = x2, x2' = (1 - x1^2) x2 - x1 + u.
+const MODEL_H: &str = "\
+#ifndef VDP_RK4_H
+#define VDP_RK4_H
+#define VDP_REAL double
+#define VDP_N(value) ((double)(value))
+#define VDP_NX 2
+#define VDP_NU 1
+void vdp_rk4_step(const double x[2], const double u[1], double next[2]);
+#endif
+";
+const MODEL_C: &str = "\
+#include \"vdp_rk4.h\"
+static void f(const double x[2], double u, double d[2])
+{
+    d[0] = x[1];
+    d[1] = (1.0 - x[0] * x[0]) * x[1] - x[0] + u;
+}
+void vdp_rk4_step(const double x[2], const double u[1], double next[2])
+{
+    const double h = 0.125;
+    double y[2] = {x[0], x[1]};
+    int s, i;
+    for (s = 0; s < 4; s++) {
+        double k[4][2], at[2];
+        f(y, u[0], k[0]);
+        for (i = 0; i < 2; i++) at[i] = y[i] + 0.5 * h * k[0][i];
+        f(at, u[0], k[1]);
+        for (i = 0; i < 2; i++) at[i] = y[i] + 0.5 * h * k[1][i];
+        f(at, u[0], k[2]);
+        for (i = 0; i < 2; i++) at[i] = y[i] + h * k[2][i];
+        f(at, u[0], k[3]);
+        for (i = 0; i < 2; i++) y[i] += h / 6.0 * (k[0][i] + 2.0 * k[1][i] + 2.0 * k[2][i] + k[3][i]);
+    }
+    next[0] = y[0];
+    next[1] = y[1];
+}
+";
+
+/// A loop in C on the model: per step the input and whether the net's plan was kept.
+const MAIN_C: &str = "\
+#include \"vdp_policy.h\"
+#include <stdio.h>
+int main(void)
+{
+    vdp_policy policy;
+    double x[2] = {0.6, -0.2}, u[1] = {0.0}, next[2], r[2] = {0.0, 0.0};
+    int k;
+    vdp_policy_reset(&policy, u);
+    for (k = 0; k < 60; k++) {
+        int kept;
+        r[0] = (k < 30) ? 0.4 : -0.3;
+        kept = vdp_policy_step(&policy, x, r, u);
+        printf(\"%.17g %d\\n\", u[0], kept);
+        vdp_rk4_step(x, u, next);
+        x[0] = next[0];
+        x[1] = next[1];
+    }
+    return 0;
+}
+";
+
+/// The exported policy chooses the same inputs as the library, in double precision.
+#[test]
+fn exported_c_decides_as_the_library() {
+    let found = shrunk(&ShrinkConfig { iterations: 12, samples: 300, loops: 1, ..small() }, 1);
+    let mut nmpc = controller(problem());
+    let [header, source] = policy_to_c(&found.policy, &mut nmpc, "vdp", "rk4");
+    let dir = Path::new(env!("CARGO_TARGET_TMPDIR")).join("policy");
+    fs::create_dir_all(&dir).unwrap();
+    let files = [
+        ("vdp_policy.h", header.as_str()),
+        ("vdp_policy.c", &source),
+        ("vdp_rk4.h", MODEL_H),
+        ("vdp_rk4.c", MODEL_C),
+        ("main.c", MAIN_C),
+    ];
+    for (name, text) in files {
+        fs::write(dir.join(name), text).unwrap();
+    }
+    let built = Command::new("cc")
+        .args(["-std=c99", "-O1", "-Wall", "-Wextra", "-Werror", "-o", "run"])
+        .args(["main.c", "vdp_policy.c", "vdp_rk4.c"])
+        .current_dir(&dir)
+        .output()
+        .unwrap();
+    assert!(built.status.success(), "{}", String::from_utf8_lossy(&built.stderr));
+    let run = Command::new(dir.join("run")).output().unwrap();
+    let printed = String::from_utf8(run.stdout).unwrap();
+    let mut checked = Checked::new(found.policy);
+    let (mut x, mut u) = (vec![0.6, -0.2], vec![0.0]);
+    let mut kept = String::new();
+    for (k, line) in printed.lines().enumerate() {
+        let r = if k < 30 { 0.4 } else { -0.3 };
+        let keeps = checked.decide(&mut nmpc, &x, &[r, 0.0], &u);
+        u.copy_from_slice(&checked.plan()[..1]);
+        let (value, flag) = line.split_once(' ').unwrap();
+        let value: f64 = value.parse().unwrap();
+        assert!((value - u[0]).abs() < 1e-9, "step {k}: {value} is not {}", u[0]);
+        assert_eq!(flag == "1", keeps, "step {k}");
+        let _ = write!(kept, "{}", u8::from(keeps));
+        let mut next = [0.0; 2];
+        nmpc.program().step(0, &x, &u, &mut next);
+        x.copy_from_slice(&next);
+    }
+    assert_eq!(printed.lines().count(), 60);
+    // Both ways are gone.
+    assert!(kept.contains('0') && kept.contains('1'), "{kept}");
+}
