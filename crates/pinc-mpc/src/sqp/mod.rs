@@ -1,10 +1,14 @@
-//! Sequential quadratic programming with Gauss-Newton Hessians.
+//! Sequential quadratic programming with Gauss-Newton or exact Hessians.
 
 mod elastic;
+mod hessian;
+mod outcome;
+
+pub(crate) use outcome::{Outcome, PlanState};
 
 use crate::barzilai_borwein::BarzilaiBorwein;
-use crate::constraint::Constraint;
 use crate::cost::Targets;
+use crate::curvature::At;
 use crate::horizon::Horizon;
 use crate::kkt::KktResidual;
 use crate::merit::Merit;
@@ -12,6 +16,7 @@ use crate::solution::Solution;
 use crate::stage_cost::StageCost;
 use crate::transcription::Transcription;
 use crate::{BoundSchedule, MpcError, NmpcProblem, Softness, SqpConfig, SqpStatus, StepWork};
+use hessian::{Hessian, HessianChoice};
 use pinc_qp::{ChosenQp, OcpDims, Qp, QpSolver, QpStatus, QpStep, Row};
 use std::ops::Range;
 
@@ -30,7 +35,8 @@ const HALVINGS: usize = 20;
 /// residual clearly the least seen so far, which can happen only finitely often; otherwise steps
 /// are halved until the [`Merit`] function decreases. So neither the merit function's reluctance
 /// near a solution (the Maratos effect) costs steps, nor does the iteration diverge from afar.
-/// Where it turns out to be slow, steps are made longer or shorter by its [`BarzilaiBorwein`].
+/// Where it turns out to be slow, steps are made longer or shorter by its [`BarzilaiBorwein`], and
+/// then the [`HessianChoice`] takes the exact Hessian of the Lagrangian.
 ///
 /// If a linearized problem has no solution, or its step is none of descent, the hard constraints on
 /// states become soft for the rest of the control step (elastic mode): violated as little as
@@ -50,6 +56,9 @@ pub(crate) struct Sqp {
     qp: Qp,
     /// The problem linearized at the point that is tried.
     trial: Qp,
+    /// The program at the plan with the exact Hessian.
+    curved: Qp,
+    hessian: HessianChoice,
     solver: ChosenQp,
     step: QpStep,
     merit: Merit,
@@ -66,50 +75,6 @@ pub(crate) struct Sqp {
     exact: [bool; 3],
     /// Whether hard constraints are soft for now.
     elastic: bool,
-}
-
-/// What came of an optimization.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Outcome {
-    pub(crate) status: SqpStatus,
-    pub(crate) iterations: usize,
-    /// The residual at the end.
-    pub(crate) last: KktResidual,
-    /// What is in the way, if hard constraints had to be made soft and are violated.
-    pub(crate) violated: Option<Constraint>,
-    /// What is known of the plan.
-    pub(crate) plan_state: PlanState,
-    /// Whether the plan is not known to be a minimum, since the cost's curvature is negative there;
-    /// without convergence, whether the last program had to be made convex.
-    pub(crate) curvature_dropped: bool,
-    /// The cost of the last plan that was evaluated.
-    pub(crate) cost: f64,
-}
-
-impl Outcome {
-    /// The time was up before the first linearization was complete.
-    fn expired_at_once() -> Self {
-        Self {
-            status: SqpStatus::Deadline,
-            iterations: 0,
-            last: KktResidual::unknown(),
-            violated: None,
-            plan_state: PlanState::Evaluated,
-            curvature_dropped: false,
-            cost: f64::NAN,
-        }
-    }
-}
-
-/// What is known of the plan that an optimization ends with.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum PlanState {
-    /// The residual is the plan's own.
-    Evaluated,
-    /// The time was up when a QP had been solved: the plan is its solution, not linearized at.
-    Stepped,
-    /// The time was up within a QP: the plan is on the way to its solution.
-    Partial,
 }
 
 /// A point with its residual and cost.
@@ -150,7 +115,6 @@ impl Sqp {
         let dims = qp.dims;
         Ok(Self {
             config,
-            transcription,
             solver: ChosenQp::new(&qp, config.qp)?,
             step: QpStep::new(dims),
             merit: Merit::new(dims),
@@ -167,6 +131,9 @@ impl Sqp {
             .map(|softness| *softness == Softness::Exact),
             elastic: false,
             trial: qp.clone(),
+            curved: transcription.curved_qp(),
+            hessian: HessianChoice::new(None),
+            transcription,
             qp,
         })
     }
@@ -208,6 +175,7 @@ impl Sqp {
     fn rebuild_programs(&mut self) {
         self.qp = self.transcription.qp();
         self.trial = self.qp.clone();
+        self.curved = self.transcription.curved_qp();
         self.penalties = [self.qp.bounds.penalty.clone(), self.qp.rows.penalty.clone()];
         if let Ok(solver) = ChosenQp::new(&self.qp, self.config.qp) {
             self.solver = solver;
@@ -327,6 +295,7 @@ impl Sqp {
     ///
     /// ```text
     /// until |KKT(z, lambda)| <= tolerance:
+    ///     H = the Gauss-Newton or the exact Hessian, by how fast the last QPs were
     ///     d, lambda+ = the solution of the QP linearized at z
     ///     alpha = the length of the step, by the residual or the merit function
     ///     z, lambda = z + alpha d, lambda + alpha (lambda+ - lambda)
@@ -348,7 +317,8 @@ impl Sqp {
         std::mem::swap(&mut self.qp, &mut self.trial);
         let (mut iterations, mut least) = (0, point.kkt.max());
         let (mut conflict, mut plan_state) = (None, PlanState::Evaluated);
-        let (mut curved, mut curvature_dropped) = (false, false);
+        let (mut curvature_dropped, always) = (false, self.transcription.leaves_out_hessian());
+        self.hessian = HessianChoice::new(always.then_some(Hessian::Exact));
         let status = loop {
             if let Some(status) = self.check_termination(point.kkt, iterations) {
                 break status;
@@ -357,10 +327,13 @@ impl Sqp {
                 break SqpStatus::Deadline;
             }
 
-            if self.transcription.is_exact() && !curved {
-                let qp = &mut self.qp;
-                match self.transcription.curve(model, input.x0, plan, qp, false, expired) {
-                    Some(dropped) => (curved, curvature_dropped) = (true, dropped),
+            // H
+            if self.hessian.judge(iterations, least) {
+                self.step_length.reset();
+            }
+            if self.hessian.current() == Hessian::Exact {
+                match self.curve(model, input, plan, false, expired) {
+                    Some(dropped) => curvature_dropped = dropped && always,
                     None => break SqpStatus::Deadline,
                 }
             }
@@ -368,7 +341,7 @@ impl Sqp {
             // d, lambda+
             iterations += 1;
             self.step.multipliers.copy_from(&plan.multipliers);
-            match self.solver.solve(&self.qp, &mut self.step, expired) {
+            match self.solve_program(expired) {
                 QpStatus::Solved => {}
                 QpStatus::Expired => {
                     self.step_on_the_way(plan, input.targets.previous);
@@ -383,17 +356,19 @@ impl Sqp {
                     self.enter_elastic();
                     continue;
                 }
+                QpStatus::Failed if self.hessian.give_up(iterations, least) => continue,
                 QpStatus::Failed => break SqpStatus::NumericalTrouble,
             }
 
             // alpha, z, lambda
             match self.search(model, input, plan, (point, least), expired) {
-                Search::Found(next) => (point, curved) = (next, false),
+                Search::Found(next) => point = next,
                 Search::Expired => break SqpStatus::Deadline,
                 Search::Unevaluated => {
                     plan_state = PlanState::Stepped;
                     break SqpStatus::Deadline;
                 }
+                Search::NoDescent if self.hessian.give_up(iterations, least) => continue,
                 Search::NoDescent if self.elastic => break SqpStatus::Stalled,
                 Search::NoDescent => {
                     self.enter_elastic();
@@ -402,11 +377,9 @@ impl Sqp {
             }
             least = least.min(point.kkt.max());
         };
-        if status == SqpStatus::Converged && self.transcription.is_exact() {
-            let qp = &mut self.qp;
-            self.transcription.measure(input.x0, &plan.z, input.targets, qp);
-            let found = self.transcription.curve(model, input.x0, plan, qp, true, expired);
-            curvature_dropped = found.unwrap_or(true);
+        if status == SqpStatus::Converged && always {
+            self.transcription.measure(input.x0, &plan.z, input.targets, &mut self.qp);
+            curvature_dropped = self.curve(model, input, plan, true, expired).unwrap_or(true);
         }
         let outcome = Outcome {
             status,
@@ -418,6 +391,29 @@ impl Sqp {
             cost: self.transcription.units.plain_cost(point.cost),
         };
         self.finalize(outcome, plan, conflict)
+    }
+
+    /// Writes the program with the exact Hessian: see [`Transcription::curve`].
+    #[inline(never)]
+    fn curve(
+        &mut self,
+        model: &mut Horizon,
+        input: StepInput<'_>,
+        plan: &Solution,
+        judges: bool,
+        expired: &mut dyn FnMut() -> bool,
+    ) -> Option<bool> {
+        let at = At { x0: input.x0, plan, targets: input.targets };
+        self.transcription.curve(model, at, (&self.qp, &mut self.curved), judges, expired)
+    }
+
+    /// Solves the program with the Hessian that is chosen.
+    fn solve_program(&mut self, expired: &mut dyn FnMut() -> bool) -> QpStatus {
+        let qp = match self.hessian.current() {
+            Hessian::GaussNewton => &self.qp,
+            Hessian::Exact => &self.curved,
+        };
+        self.solver.solve(qp, &mut self.step, expired)
     }
 
     /// Goes along the step as far as is good. Between two trials `expired` is asked whether the

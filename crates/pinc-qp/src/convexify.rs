@@ -1,6 +1,7 @@
 //! Quadratic programs made convex where they are not.
 
-use pinc_qp::{Multipliers, OcpDims, Qp};
+use crate::algebra::block_mut;
+use crate::{Multipliers, OcpDims, Qp};
 
 /// An eigenvalue this far below 0, in terms of the largest entry, is negative and not rounding.
 const NEGATIVE: f64 = 1e-9;
@@ -16,7 +17,7 @@ const ACTIVE: f64 = 1e-7;
 const HELD: f64 = 1e8;
 
 /// Makes a program convex on its dynamics: the Riccati recursion over (`dx_j`, `du_{j-1}`), as the
-/// stage-wise method of pinc-qp has it, in which the curvature by the increment of a stage,
+/// stage-wise method has it, in which the curvature by the increment of a stage,
 ///
 /// ```text
 /// G = R_j + T_j + .. + B'P B + ..
@@ -30,10 +31,12 @@ const HELD: f64 = 1e8;
 /// Limits are not taken into account: a program that is convex only where its active limits keep it
 /// is changed too.
 #[derive(Debug)]
-pub(crate) struct Convexifier {
-    /// M and then P, `[n + m, n + m]`.
+pub struct Convexifier {
+    /// M and then P of each node, `[N + 1, n + m, n + m]`.
     cost_to_go: Vec<f64>,
     product: Vec<f64>,
+    /// F'P F of a stage.
+    merged: Vec<f64>,
     /// F, `[n, n + m]`.
     model: Vec<f64>,
     /// G, `[m, m]`, its eigenvalues, or its factor.
@@ -44,12 +47,15 @@ pub(crate) struct Convexifier {
 }
 
 impl Convexifier {
-    pub(crate) fn new(dims: OcpDims) -> Self {
+    /// For programs of these sizes.
+    #[must_use]
+    pub fn new(dims: OcpDims) -> Self {
         let (n, m) = (dims.nx, dims.nu);
         let s = n + m;
         Self {
-            cost_to_go: vec![0.0; s * s],
+            cost_to_go: vec![0.0; (dims.horizon + 1) * s * s],
             product: vec![0.0; s * s],
+            merged: vec![0.0; s * s],
             model: vec![0.0; n * s],
             pivot: vec![0.0; m * m],
             vectors: vec![0.0; m * m],
@@ -60,7 +66,7 @@ impl Convexifier {
     /// Whether `qp`, whose Hessian is overwritten, has negative curvature along a step that keeps the
     /// bounds with multipliers active: if not, a plan that meets the first-order conditions is a
     /// minimum. Other constraints are not taken into account.
-    pub(crate) fn finds_descent(&mut self, qp: &mut Qp, multipliers: &Multipliers) -> bool {
+    pub fn finds_descent(&mut self, qp: &mut Qp, multipliers: &Multipliers) -> bool {
         let OcpDims { nx: n, nu: m, .. } = qp.dims;
         let entries = qp.q.iter().chain(&qp.t).chain(&qp.r);
         let held = HELD * entries.fold(1.0_f64, |most, entry| most.max(entry.abs()));
@@ -77,134 +83,152 @@ impl Convexifier {
     }
 
     /// Makes `qp`, which has a stage cost, convex; whether negative curvature was dropped.
-    pub(crate) fn apply(&mut self, qp: &mut Qp) -> bool {
+    pub fn apply(&mut self, qp: &mut Qp) -> bool {
         let dims = qp.dims;
-        let OcpDims { nx: n, nu: m, horizon, n_controls, .. } = dims;
+        let (n, m) = (dims.nx, dims.nu);
         let s = n + m;
         let slope = qp.gradient.iter().fold(0.0_f64, |most, g| most.max(g.abs()));
         let mut dropped = false;
         self.cost_to_go.fill(0.0);
-        add_cross(&mut self.cost_to_go, qp.s(horizon), (n, m));
-        for j in (0..horizon).rev() {
-            for (i, row) in qp.q(j + 1).chunks_exact(n).enumerate() {
-                let to = &mut self.cost_to_go[i * s..i * s + n];
-                to.iter_mut().zip(row).for_each(|(to, q)| *to += q);
+        for node in (0..=dims.horizon).rev() {
+            let (before, here) = self.cost_to_go.split_at_mut(node * s * s);
+            let here = &mut here[..s * s];
+            if node > 0 {
+                add_cross(here, qp.s(node), (n, m));
             }
-            add_cross(&mut self.cost_to_go, qp.s_before(j + 1), (n, m));
-            self.step_back(qp.a(j), &qp.b[j * n * m..(j + 1) * n * m], (n, m));
-            if j > 0 {
-                add_cross(&mut self.cost_to_go, qp.s(j), (n, m));
-            }
-            if j < n_controls {
-                for (k, row) in qp.t[j * m * m..(j + 1) * m * m].chunks_exact(m).enumerate() {
-                    let to = &mut self.cost_to_go[(n + k) * s + n..(n + k + 1) * s];
+            if node < dims.n_controls {
+                let own = node * m * m..(node + 1) * m * m;
+                for (k, row) in qp.t[own.clone()].chunks_exact(m).enumerate() {
+                    let to = &mut here[(n + k) * s + n..(n + k + 1) * s];
                     to.iter_mut().zip(row).for_each(|(to, t)| *to += t);
                 }
-                let r = &qp.r[j * m * m..(j + 1) * m * m];
-                dropped |= self.correct(r, slope, &mut qp.t[j * m * m..(j + 1) * m * m], (n, m));
-                self.eliminate(r, (n, m));
+                let (r, t) = (&qp.r[own.clone()], &mut qp.t[own]);
+                dropped |= correct((r, slope), t, [&mut self.pivot, &mut self.vectors], here, n);
+                eliminate(r, [&mut self.pivot, &mut self.gain], here, (n, m));
             }
+            let Some(stage) = node.checked_sub(1) else { break };
+            for (i, row) in qp.q(node).chunks_exact(n).enumerate() {
+                let to = &mut here[i * s..i * s + n];
+                to.iter_mut().zip(row).for_each(|(to, q)| *to += q);
+            }
+            add_cross(here, qp.s_before(node), (n, m));
+            let b = &qp.b[stage * n * m..node * n * m];
+            write_model(&mut self.model, qp.a(stage), b, (n, m));
+            merge(here, &self.model, &mut self.product, &mut self.merged, n);
+            let origin = block_mut(before, dims.origin(stage), s * s);
+            origin.iter_mut().zip(&self.merged).for_each(|(to, from)| *to += from);
         }
         dropped
     }
+}
 
-    /// P becomes M = F'P F, with F = (A B; 0 I).
-    fn step_back(&mut self, a: &[f64], b: &[f64], (n, m): (usize, usize)) {
-        let s = n + m;
-        let Self { cost_to_go, product, model, .. } = self;
-        for (i, row) in model.chunks_exact_mut(s).enumerate() {
-            row[..n].copy_from_slice(&a[i * n..(i + 1) * n]);
-            row[n..].copy_from_slice(&b[i * m..(i + 1) * m]);
-        }
-        // P F
-        for (row, p) in product.chunks_exact_mut(s).zip(cost_to_go.chunks_exact(s)) {
-            row[..n].fill(0.0);
-            row[n..].copy_from_slice(&p[n..]);
-            for (p, model) in p[..n].iter().zip(model.chunks_exact(s)) {
-                row.iter_mut().zip(model).for_each(|(to, f)| *to += p * f);
-            }
-        }
-        // F'(P F)
-        cost_to_go[..n * s].fill(0.0);
-        cost_to_go[n * s..].copy_from_slice(&product[n * s..]);
-        for (model, product) in model.chunks_exact(s).zip(product.chunks_exact(s)) {
-            for (f, to) in model.iter().zip(cost_to_go.chunks_exact_mut(s)) {
-                to.iter_mut().zip(product).for_each(|(to, p)| *to += f * p);
-            }
-        }
-        for i in 0..s {
-            for k in 0..i {
-                let mean = 0.5 * (cost_to_go[i * s + k] + cost_to_go[k * s + i]);
-                cost_to_go[i * s + k] = mean;
-                cost_to_go[k * s + i] = mean;
-            }
+/// F = (A B).
+fn write_model(model: &mut [f64], a: &[f64], b: &[f64], (n, m): (usize, usize)) {
+    for (i, row) in model.chunks_exact_mut(n + m).enumerate() {
+        row[..n].copy_from_slice(&a[i * n..(i + 1) * n]);
+        row[n..].copy_from_slice(&b[i * m..(i + 1) * m]);
+    }
+}
+
+/// M = F'P F, with F = (A B; 0 I).
+fn merge(p: &[f64], model: &[f64], product: &mut [f64], merged: &mut [f64], n: usize) {
+    let s = model.len() / n;
+    // P F
+    for (row, p) in product.chunks_exact_mut(s).zip(p.chunks_exact(s)) {
+        row[..n].fill(0.0);
+        row[n..].copy_from_slice(&p[n..]);
+        for (p, model) in p[..n].iter().zip(model.chunks_exact(s)) {
+            row.iter_mut().zip(model).for_each(|(to, f)| *to += p * f);
         }
     }
-
-    /// Makes G positive definite by changing `t` and M; whether an eigenvalue was negative.
-    fn correct(&mut self, r: &[f64], slope: f64, t: &mut [f64], (n, m): (usize, usize)) -> bool {
-        let s = n + m;
-        let mut size = 0.0_f64;
-        for (k, row) in self.pivot.chunks_exact_mut(m).enumerate() {
-            let own = &self.cost_to_go[(n + k) * s + n..(n + k + 1) * s];
-            for ((to, own), r) in row.iter_mut().zip(own).zip(&r[k * m..]) {
-                *to = own + r;
-                size = size.max(to.abs());
-            }
+    // F'(P F)
+    merged[..n * s].fill(0.0);
+    merged[n * s..].copy_from_slice(&product[n * s..]);
+    for (model, product) in model.chunks_exact(s).zip(product.chunks_exact(s)) {
+        for (f, to) in model.iter().zip(merged.chunks_exact_mut(s)) {
+            to.iter_mut().zip(product).for_each(|(to, p)| *to += f * p);
         }
-        diagonalize(&mut self.pivot, &mut self.vectors, m);
-        let least = (LEAST[0] * size).max(LEAST[1] * slope).max(f64::MIN_POSITIVE);
-        let mut dropped = false;
-        for e in 0..m {
-            let value = self.pivot[e * m + e];
-            if value >= least {
-                continue;
-            }
-            dropped |= value < -(NEGATIVE * size).max(least);
-            let change = value.abs().max(least) - value;
-            for i in 0..m {
-                for k in 0..m {
-                    let part = change * self.vectors[i * m + e] * self.vectors[k * m + e];
-                    t[i * m + k] += part;
-                    self.cost_to_go[(n + i) * s + n + k] += part;
-                }
-            }
-        }
-        dropped
     }
-
-    /// Minimizes over the increment: M becomes `M - M_:u G^-1 M_u:`.
-    fn eliminate(&mut self, r: &[f64], (n, m): (usize, usize)) {
-        let s = n + m;
-        let Self { cost_to_go, pivot, gain, .. } = self;
-        for (k, row) in pivot.chunks_exact_mut(m).enumerate() {
-            let own = &cost_to_go[(n + k) * s + n..(n + k + 1) * s];
-            row.iter_mut().zip(own).zip(&r[k * m..]).for_each(|((to, own), r)| *to = own + r);
+    for i in 0..s {
+        for k in 0..i {
+            let mean = 0.5 * (merged[i * s + k] + merged[k * s + i]);
+            merged[i * s + k] = mean;
+            merged[k * s + i] = mean;
         }
-        gain.copy_from_slice(&cost_to_go[n * s..]);
-        // L L' = G and L^-1 M_u:
+    }
+}
+
+/// Makes G positive definite by changing `t` and M; whether an eigenvalue was negative.
+fn correct(
+    (r, slope): (&[f64], f64),
+    t: &mut [f64],
+    [pivot, vectors]: [&mut [f64]; 2],
+    cost_to_go: &mut [f64],
+    n: usize,
+) -> bool {
+    let m = vectors.len().isqrt();
+    let s = n + m;
+    let mut size = 0.0_f64;
+    for (k, row) in pivot.chunks_exact_mut(m).enumerate() {
+        let own = &cost_to_go[(n + k) * s + n..(n + k + 1) * s];
+        for ((to, own), r) in row.iter_mut().zip(own).zip(&r[k * m..]) {
+            *to = own + r;
+            size = size.max(to.abs());
+        }
+    }
+    diagonalize(pivot, vectors, m);
+    let least = (LEAST[0] * size).max(LEAST[1] * slope).max(f64::MIN_POSITIVE);
+    let mut dropped = false;
+    for e in 0..m {
+        let value = pivot[e * m + e];
+        if value >= least {
+            continue;
+        }
+        dropped |= value < -(NEGATIVE * size).max(least);
+        let change = value.abs().max(least) - value;
         for i in 0..m {
-            for k in 0..=i {
-                let sum: f64 = (0..k).map(|l| pivot[i * m + l] * pivot[k * m + l]).sum();
-                let left = pivot[i * m + k] - sum;
-                pivot[i * m + k] = if i == k {
-                    left.max(f64::MIN_POSITIVE).sqrt()
-                } else {
-                    left / pivot[k * m + k]
-                };
+            for k in 0..m {
+                let part = change * vectors[i * m + e] * vectors[k * m + e];
+                t[i * m + k] += part;
+                cost_to_go[(n + i) * s + n + k] += part;
             }
-            let (before, here) = gain.split_at_mut(i * s);
-            let row = &mut here[..s];
-            for (k, before) in before.chunks_exact(s).enumerate() {
-                let factor = pivot[i * m + k];
-                row.iter_mut().zip(before).for_each(|(to, from)| *to -= factor * from);
-            }
-            row.iter_mut().for_each(|to| *to /= pivot[i * m + i]);
         }
-        for gain in gain.chunks_exact(s) {
-            for (factor, to) in gain.iter().zip(cost_to_go.chunks_exact_mut(s)) {
-                to.iter_mut().zip(gain).for_each(|(to, gain)| *to -= factor * gain);
-            }
+    }
+    dropped
+}
+
+/// Minimizes over the increment: M becomes `M - M_:u G^-1 M_u:`.
+fn eliminate(
+    r: &[f64],
+    [pivot, gain]: [&mut [f64]; 2],
+    cost_to_go: &mut [f64],
+    (n, m): (usize, usize),
+) {
+    let s = n + m;
+    for (k, row) in pivot.chunks_exact_mut(m).enumerate() {
+        let own = &cost_to_go[(n + k) * s + n..(n + k + 1) * s];
+        row.iter_mut().zip(own).zip(&r[k * m..]).for_each(|((to, own), r)| *to = own + r);
+    }
+    gain.copy_from_slice(&cost_to_go[n * s..]);
+    // L L' = G and L^-1 M_u:
+    for i in 0..m {
+        for k in 0..=i {
+            let sum: f64 = (0..k).map(|l| pivot[i * m + l] * pivot[k * m + l]).sum();
+            let left = pivot[i * m + k] - sum;
+            pivot[i * m + k] =
+                if i == k { left.max(f64::MIN_POSITIVE).sqrt() } else { left / pivot[k * m + k] };
+        }
+        let (before, here) = gain.split_at_mut(i * s);
+        let row = &mut here[..s];
+        for (k, before) in before.chunks_exact(s).enumerate() {
+            let factor = pivot[i * m + k];
+            row.iter_mut().zip(before).for_each(|(to, from)| *to -= factor * from);
+        }
+        row.iter_mut().for_each(|to| *to /= pivot[i * m + i]);
+    }
+    for gain in gain.chunks_exact(s) {
+        for (factor, to) in gain.iter().zip(cost_to_go.chunks_exact_mut(s)) {
+            to.iter_mut().zip(gain).for_each(|(to, gain)| *to -= factor * gain);
         }
     }
 }
@@ -273,7 +297,7 @@ mod tests {
             nu: 2,
             horizon: 3,
             n_controls: 2,
-            tree: pinc_qp::Tree::CHAIN,
+            tree: crate::Tree::CHAIN,
             n1: 1,
             inequalities: 0,
             equalities: 0,
