@@ -65,6 +65,15 @@ pub(crate) struct At<'a> {
     pub(crate) targets: Targets<'a>,
 }
 
+/// What the exact Hessian is for.
+#[derive(Clone, Copy)]
+pub(crate) enum Purpose {
+    /// A program, whose active rows are likely the plan's if they are `settled`.
+    Step { settled: bool },
+    /// To see whether the plan is a minimum.
+    Judgement,
+}
+
 /// The state and the input of some terms.
 #[derive(Clone, Copy)]
 struct Place {
@@ -106,16 +115,15 @@ impl Curvature {
         }
     }
 
-    /// Adds the second derivatives that `qp` leaves out, and makes it convex, or `judges` whether the
-    /// plan is a minimum. Whether negative curvature was dropped, or found; `None` if `expired` said
-    /// that the time is up.
+    /// Adds the second derivatives that `qp` leaves out. Whether negative curvature was dropped to make
+    /// it convex, or found; `None` if `expired` said that the time is up.
     pub(crate) fn add(
         &mut self,
         horizon: &mut Horizon,
         of: &mut Transcription,
         at: At<'_>,
         qp: &mut Qp,
-        judges: bool,
+        purpose: Purpose,
         expired: &mut dyn FnMut() -> bool,
     ) -> Option<bool> {
         let dims = self.dims;
@@ -145,9 +153,10 @@ impl Curvature {
                 self.add_rows(horizon, of, at, end, qp);
             }
         }
-        Some(match judges {
-            true => self.convexifier.finds_descent(qp, &at.plan.multipliers),
-            false => self.convexifier.apply(qp),
+        let multipliers = &at.plan.multipliers;
+        Some(match purpose {
+            Purpose::Step { settled } => self.convexifier.apply(qp, settled.then_some(multipliers)),
+            Purpose::Judgement => self.convexifier.finds_descent(qp, multipliers),
         })
     }
 

@@ -3,7 +3,7 @@
 use crate::constraint::Constraint;
 use crate::constraints::ConstraintWork;
 use crate::cost::{Cost, Targets};
-use crate::curvature::{At, Curvature};
+use crate::curvature::{At, Curvature, Purpose};
 use crate::horizon::Horizon;
 use crate::linearization_cache::LinearizationCache;
 use crate::outputs::{OutputRows, Outputs};
@@ -209,19 +209,19 @@ impl Transcription {
     }
 
     /// Writes `plain`, which was measured at the plan, with the exact Hessian of the Lagrangian to
-    /// `qp`, and makes it convex: see [`Curvature::add`].
+    /// `qp`: see [`Curvature::add`].
     #[inline(never)]
     pub(crate) fn curve(
         &mut self,
         horizon: &mut Horizon,
         at: At<'_>,
         (plain, qp): (&Qp, &mut Qp),
-        judges: bool,
+        purpose: Purpose,
         expired: &mut dyn FnMut() -> bool,
     ) -> Option<bool> {
         qp.copy_from(plain);
         let mut curvature = self.curvature.take()?;
-        let found = curvature.add(horizon, self, at, qp, judges, expired);
+        let found = curvature.add(horizon, self, at, qp, purpose, expired);
         self.curvature = Some(curvature);
         found
     }

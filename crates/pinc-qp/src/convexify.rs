@@ -1,7 +1,7 @@
 //! Quadratic programs made convex where they are not.
 
 use crate::algebra::block_mut;
-use crate::{Multipliers, OcpDims, Qp};
+use crate::{Limits, Multipliers, OcpDims, Qp};
 
 /// An eigenvalue this far below 0, in terms of the largest entry, is negative and not rounding.
 const NEGATIVE: f64 = 1e-9;
@@ -13,8 +13,9 @@ const LEAST: [f64; 2] = [1e-9, 1e-7];
 /// A multiplier of a bound above this says that the bound stays active.
 const ACTIVE: f64 = 1e-7;
 
-/// The curvature that keeps a variable at an active bound, in terms of the largest entry.
-const HELD: f64 = 1e8;
+/// The curvature that keeps a row at its limit, in terms of the Hessian's largest entry: in a program
+/// that is solved, and where only the sign of other curvature matters.
+const HELD: [f64; 2] = [1e4, 1e8];
 
 /// Makes a program convex on its dynamics: the Riccati recursion over (`dx_j`, `du_{j-1}`), as the
 /// stage-wise method has it, in which the curvature by the increment of a stage,
@@ -28,8 +29,10 @@ const HELD: f64 = 1e8;
 /// may stay indefinite: where G is positive definite at all stages, the program is left as it is
 /// and has one solution.
 ///
-/// Limits are not taken into account: a program that is convex only where its active limits keep it
-/// is changed too.
+/// Before that, a program that is not convex may get curvature along its active rows, c'd = r for one
+/// with a multiplier: `rho (c'd - r)^2 / 2`, which is 0 at a solution that keeps the row active, like
+/// the term of an augmented Lagrangian. So curvature is changed only in directions that the active rows
+/// leave free. Reference: Nocedal and Wright, *Numerical Optimization*, section 17.3.
 #[derive(Debug)]
 pub struct Convexifier {
     /// M and then P of each node, `[N + 1, n + m, n + m]`.
@@ -64,26 +67,27 @@ impl Convexifier {
     }
 
     /// Whether `qp`, whose Hessian is overwritten, has negative curvature along a step that keeps the
-    /// bounds with multipliers active: if not, a plan that meets the first-order conditions is a
-    /// minimum. Other constraints are not taken into account.
+    /// rows with multipliers active: if not, a plan that meets the first-order conditions is a
+    /// minimum.
     pub fn finds_descent(&mut self, qp: &mut Qp, multipliers: &Multipliers) -> bool {
-        let OcpDims { nx: n, nu: m, .. } = qp.dims;
-        let entries = qp.q.iter().chain(&qp.t).chain(&qp.r);
-        let held = HELD * entries.fold(1.0_f64, |most, entry| most.max(entry.abs()));
-        let states = qp.dims.all_states();
-        for (v, multiplier) in multipliers.bounds.iter().enumerate() {
-            if multiplier.abs() > ACTIVE {
-                match v.checked_sub(states) {
-                    None => qp.q[(v / n * n + v % n) * n + v % n] += held,
-                    Some(v) => qp.t[(v / m * m + v % m) * m + v % m] += held,
-                }
-            }
-        }
-        self.apply(qp)
+        hold(qp, multipliers, HELD[1]);
+        self.recur(qp, true)
     }
 
-    /// Makes `qp`, which has a stage cost, convex; whether negative curvature was dropped.
-    pub fn apply(&mut self, qp: &mut Qp) -> bool {
+    /// Makes `qp`, which has a stage cost, convex; whether negative curvature was dropped. Active rows
+    /// are held if their `multipliers` are known: if the solution has other active rows, it is wrong.
+    pub fn apply(&mut self, qp: &mut Qp, multipliers: Option<&Multipliers>) -> bool {
+        if let Some(multipliers) = multipliers {
+            if !self.recur(qp, true) {
+                return false;
+            }
+            hold(qp, multipliers, HELD[0]);
+        }
+        self.recur(qp, false)
+    }
+
+    /// The recursion; whether curvature was negative. If so, it may end there.
+    fn recur(&mut self, qp: &mut Qp, ends: bool) -> bool {
         let dims = qp.dims;
         let (n, m) = (dims.nx, dims.nu);
         let s = n + m;
@@ -103,7 +107,11 @@ impl Convexifier {
                     to.iter_mut().zip(row).for_each(|(to, t)| *to += t);
                 }
                 let (r, t) = (&qp.r[own.clone()], &mut qp.t[own]);
-                dropped |= correct((r, slope), t, [&mut self.pivot, &mut self.vectors], here, n);
+                let work = [&mut self.pivot[..], &mut self.vectors];
+                dropped |= correct((r, slope), t, work, (here, n), ends);
+                if dropped && ends {
+                    return true;
+                }
                 eliminate(r, [&mut self.pivot, &mut self.gain], here, (n, m));
             }
             let Some(stage) = node.checked_sub(1) else { break };
@@ -119,6 +127,85 @@ impl Convexifier {
             origin.iter_mut().zip(&self.merged).for_each(|(to, from)| *to += from);
         }
         dropped
+    }
+}
+
+/// Holds the rows with multipliers by curvature, a multiple of the largest entry of the Hessian.
+fn hold(qp: &mut Qp, multipliers: &Multipliers, multiple: f64) {
+    let entries = qp.q.iter().chain(&qp.t).chain(&qp.r);
+    let rho = multiple * entries.fold(1.0_f64, |most, entry| most.max(entry.abs()));
+    let OcpDims { nx: n, nu: m, .. } = qp.dims;
+    let states = qp.dims.all_states();
+    let Qp { q, t, r, gradient, bounds, increments, dims, .. } = qp;
+    for (v, mu) in multipliers.bounds.iter().enumerate() {
+        let Some(limit) = held_at(bounds, v, *mu) else { continue };
+        gradient[v] -= rho * limit;
+        match v.checked_sub(states) {
+            None => q[(v / n * n + v % n) * n + v % n] += rho,
+            Some(v) => t[(v / m * m + v % m) * m + v % m] += rho,
+        }
+    }
+    for (v, nu) in multipliers.increments.iter().enumerate() {
+        let Some(limit) = held_at(increments, v, *nu) else { continue };
+        gradient[states + v] -= rho * limit;
+        if let Some(before) = dims.entry_before(v) {
+            gradient[states + before] += rho * limit;
+        }
+        r[(v / m * m + v % m) * m + v % m] += rho;
+    }
+    for row in 0..multipliers.rows.len() {
+        if let Some(limit) = held_at(&qp.rows, row, multipliers.rows[row]) {
+            hold_row(qp, row, (rho, limit));
+        }
+    }
+}
+
+/// The limit at which a row with a multiplier stays; `None` if it is not active, or violated.
+fn held_at(limits: &Limits, row: usize, multiplier: f64) -> Option<f64> {
+    let active = multiplier.abs() > ACTIVE && multiplier.abs() < limits.penalty[row] - ACTIVE;
+    let limit = if multiplier > 0.0 { limits.high[row] } else { limits.low[row] };
+    (active && limit.is_finite()).then_some(limit)
+}
+
+/// Holds a row of h, g or outputs.
+fn hold_row(qp: &mut Qp, row: usize, (rho, limit): (f64, f64)) {
+    let OcpDims { nx: n, nu: m, .. } = qp.dims;
+    let (node, input) = qp.dims.row_place(row);
+    let Qp { dims, q, s, s_before, t, gradient, rows_x, rows_u, .. } = qp;
+    let (by_x, by_u) = (&rows_x[row * n..(row + 1) * n], &rows_u[row * m..(row + 1) * m]);
+    let add = |to: &mut [f64], left: &[f64], right: &[f64]| {
+        for (to, left) in to.chunks_exact_mut(right.len()).zip(left) {
+            to.iter_mut().zip(right).for_each(|(to, right)| *to += rho * left * right);
+        }
+    };
+    let push = |to: &mut [f64], by: &[f64]| {
+        to.iter_mut().zip(by).for_each(|(to, by)| *to -= rho * limit * by);
+    };
+    push(&mut gradient[dims.input(input)], by_u);
+    add(&mut t[input * m * m..(input + 1) * m * m], by_u, by_u);
+    let Some(state) = node.checked_sub(1) else { return };
+    push(&mut gradient[dims.next_state(state)], by_x);
+    add(&mut q[state * n * n..(state + 1) * n * n], by_x, by_x);
+    let cross = if input == dims.acting(node) { s } else { s_before };
+    // Without feedthrough a row has no input in it.
+    if let Some(cross) = cross.get_mut(state * m * n..(state + 1) * m * n) {
+        add(cross, by_u, by_x);
+    }
+}
+
+impl Qp {
+    /// Whether the rows that are active, and not violated, are the same by two sets of multipliers.
+    #[must_use]
+    pub fn has_same_active(&self, one: &Multipliers, other: &Multipliers) -> bool {
+        let parts = [
+            (&self.bounds, &one.bounds, &other.bounds),
+            (&self.increments, &one.increments, &other.increments),
+            (&self.rows, &one.rows, &other.rows),
+        ];
+        parts.into_iter().all(|(limits, one, other)| {
+            let mut pairs = one.iter().zip(other).enumerate();
+            pairs.all(|(row, (a, b))| held_at(limits, row, *a) == held_at(limits, row, *b))
+        })
     }
 }
 
@@ -158,13 +245,14 @@ fn merge(p: &[f64], model: &[f64], product: &mut [f64], merged: &mut [f64], n: u
     }
 }
 
-/// Makes G positive definite by changing `t` and M; whether an eigenvalue was negative.
+/// Makes G positive definite by changing `t` and M, unless it `ends` at a negative eigenvalue; whether
+/// there was one.
 fn correct(
     (r, slope): (&[f64], f64),
     t: &mut [f64],
     [pivot, vectors]: [&mut [f64]; 2],
-    cost_to_go: &mut [f64],
-    n: usize,
+    (cost_to_go, n): (&mut [f64], usize),
+    ends: bool,
 ) -> bool {
     let m = vectors.len().isqrt();
     let s = n + m;
@@ -178,13 +266,16 @@ fn correct(
     }
     diagonalize(pivot, vectors, m);
     let least = (LEAST[0] * size).max(LEAST[1] * slope).max(f64::MIN_POSITIVE);
-    let mut dropped = false;
+    let negative = -(NEGATIVE * size).max(least);
+    let dropped = pivot.iter().step_by(m + 1).any(|value| *value < negative);
+    if dropped && ends {
+        return true;
+    }
     for e in 0..m {
         let value = pivot[e * m + e];
         if value >= least {
             continue;
         }
-        dropped |= value < -(NEGATIVE * size).max(least);
         let change = value.abs().max(least) - value;
         for i in 0..m {
             for k in 0..m {
@@ -372,7 +463,7 @@ mod tests {
         let mut qp = program(9.0);
         let t = qp.t.clone();
         assert!(least(&qp) > 0.1, "{}", least(&qp));
-        assert!(!Convexifier::new(qp.dims).apply(&mut qp));
+        assert!(!Convexifier::new(qp.dims).apply(&mut qp, None));
         assert_eq!(qp.t, t);
     }
 
@@ -384,7 +475,7 @@ mod tests {
         for step in -20..40 {
             let mut qp = program(0.25 * f64::from(step));
             let before = least(&qp);
-            let dropped = Convexifier::new(qp.dims).apply(&mut qp);
+            let dropped = Convexifier::new(qp.dims).apply(&mut qp, None);
             assert_eq!(dropped, before < 0.0, "{step}: {before}");
             assert!(least(&qp) > 0.0, "{step}: {}", least(&qp));
             changed += usize::from(dropped);
@@ -400,7 +491,68 @@ mod tests {
         let mut multipliers = Multipliers::new(qp.dims);
         assert!(Convexifier::new(qp.dims).finds_descent(&mut qp.clone(), &multipliers));
         multipliers.bounds[6] = -0.5;
+        (qp.bounds.low[6], qp.bounds.penalty[6]) = (-0.1, 0.5);
+        // A violated bound keeps nothing.
+        assert!(Convexifier::new(qp.dims).finds_descent(&mut qp.clone(), &multipliers));
+        qp.bounds.penalty[6] = 0.6;
         assert!(!Convexifier::new(qp.dims).finds_descent(&mut qp.clone(), &multipliers));
+    }
+
+    /// The solution of a program whose rows of each kind are active stays what it is, and the program
+    /// becomes convex without a change of other curvature.
+    #[test]
+    fn active_rows_are_held_where_they_are() {
+        for kind in 0..4 {
+            let mut qp = program(9.0);
+            let dims = OcpDims { inequalities: 1, ..qp.dims };
+            qp = Qp {
+                dims,
+                rows: Limits::none(3),
+                rows_x: vec![0.0; 6],
+                rows_u: vec![0.0; 6],
+                ..qp
+            };
+            let mut multipliers = Multipliers::new(dims);
+            // The first input moves by 0.3.
+            match kind {
+                0 => {
+                    (qp.bounds.high[6], multipliers.bounds[6]) = (0.3, 2.0);
+                }
+                1 => {
+                    (qp.increments.low[0], multipliers.increments[0]) = (0.3, -2.0);
+                }
+                2 => {
+                    // A state that only this input moves.
+                    (qp.a, qp.b) = (vec![0.0; 12], vec![0.0; 12]);
+                    qp.b[0] = 1.0;
+                    (qp.bounds.high[0], multipliers.bounds[0]) = (0.3, 2.0);
+                }
+                _ => {
+                    // 2 u + x of the next stage.
+                    (qp.a, qp.b) = (vec![0.0; 12], vec![0.0; 12]);
+                    (qp.rows_x[0], qp.rows_u[0], qp.rows_u[1]) = (1.0, 0.0, 0.0);
+                    qp.b[0] = 2.0;
+                    (qp.rows.high[0], multipliers.rows[0]) = (0.6, 2.0);
+                }
+            }
+            let moved = |qp: &Qp, d: f64| {
+                let x = qp.b[0] * d;
+                let rest = qp.q[0] * x * x + qp.t[0] * d * d + qp.r[0] * d * d;
+                0.5 * rest + qp.gradient[6] * d + qp.gradient[0] * x
+            };
+            qp.t[0] = -40.0;
+            let before = qp.clone();
+            assert!(Convexifier::new(dims).apply(&mut before.clone(), None));
+            assert!(!Convexifier::new(dims).apply(&mut qp, Some(&multipliers)), "{kind}");
+            let change = |d: f64| moved(&qp, d) - moved(&before, d);
+            // rho (d - 0.3)^2 / 2 but for a constant: least at 0.3.
+            let [least, below, above] = [0.3, 0.2, 0.4].map(change);
+            assert!(
+                below > least + 10.0 && above > least + 10.0,
+                "{kind}: {below} {least} {above}"
+            );
+            assert!((above - below).abs() < 1e-9 * above.abs().max(1e6), "{kind}");
+        }
     }
 
     #[test]

@@ -2,13 +2,14 @@
 
 mod elastic;
 mod hessian;
+mod line_search;
 mod outcome;
 
 pub(crate) use outcome::{Outcome, PlanState};
 
 use crate::barzilai_borwein::BarzilaiBorwein;
 use crate::cost::Targets;
-use crate::curvature::At;
+use crate::curvature::{At, Purpose};
 use crate::horizon::Horizon;
 use crate::kkt::KktResidual;
 use crate::merit::Merit;
@@ -22,10 +23,6 @@ use std::ops::Range;
 
 /// A step is taken whole if it brings the KKT residual below this part of the least seen.
 const CONTRACTION: f64 = 0.9;
-/// The part of the promised decrease of the merit function that a step must bring.
-const SUFFICIENT: f64 = 1e-4;
-/// How often a step is halved.
-const HALVINGS: usize = 20;
 
 /// SQP by line search: linearize the problem at the current plan, solve the QP, go along its step
 /// and towards its multipliers, until the KKT residual is small.
@@ -59,8 +56,12 @@ pub(crate) struct Sqp {
     /// The program at the plan with the exact Hessian.
     curved: Qp,
     hessian: HessianChoice,
+    /// Whether the last program with the exact Hessian had the active rows that it began with.
+    settled: bool,
     solver: ChosenQp,
     step: QpStep,
+    /// A step that was not good enough, while another is tried.
+    other_step: QpStep,
     merit: Merit,
     step_length: BarzilaiBorwein,
     /// Where the step starts.
@@ -117,6 +118,7 @@ impl Sqp {
             config,
             solver: ChosenQp::new(&qp, config.qp)?,
             step: QpStep::new(dims),
+            other_step: QpStep::new(dims),
             merit: Merit::new(dims),
             step_length: BarzilaiBorwein::new(dims.unknowns()),
             base: Solution::new(dims),
@@ -133,6 +135,7 @@ impl Sqp {
             trial: qp.clone(),
             curved: transcription.curved_qp(),
             hessian: HessianChoice::new(None),
+            settled: false,
             transcription,
             qp,
         })
@@ -319,6 +322,7 @@ impl Sqp {
         let (mut conflict, mut plan_state) = (None, PlanState::Evaluated);
         let (mut curvature_dropped, always) = (false, self.transcription.leaves_out_hessian());
         self.hessian = HessianChoice::new(always.then_some(Hessian::Exact));
+        self.settled = false;
         let status = loop {
             if let Some(status) = self.check_termination(point.kkt, iterations) {
                 break status;
@@ -327,12 +331,27 @@ impl Sqp {
                 break SqpStatus::Deadline;
             }
 
+            eprintln!(
+                "{iterations} {:?} el {} kkt {:.2e} {:.1e} {:.1e} {:.1e} cost {:.8e}",
+                self.hessian.current(),
+                self.elastic,
+                point.kkt.stationarity,
+                point.kkt.dynamics,
+                point.kkt.bounds,
+                point.kkt.complementarity,
+                point.cost
             // H
-            if self.hessian.judge(iterations, least) {
+            if self.hessian.judge(iterations, point.kkt.max()) {
                 self.step_length.reset();
             }
             if self.hessian.current() == Hessian::Exact {
-                match self.curve(model, input, plan, false, expired) {
+                match self.curve(
+                    model,
+                    input,
+                    plan,
+                    Purpose::Step { settled: self.settled },
+                    expired,
+                ) {
                     Some(dropped) => curvature_dropped = dropped && always,
                     None => break SqpStatus::Deadline,
                 }
@@ -342,6 +361,7 @@ impl Sqp {
             iterations += 1;
             self.step.multipliers.copy_from(&plan.multipliers);
             match self.solve_program(expired) {
+                QpStatus::Solved if self.is_unsettled_by_step(plan) => continue,
                 QpStatus::Solved => {}
                 QpStatus::Expired => {
                     self.step_on_the_way(plan, input.targets.previous);
@@ -354,9 +374,10 @@ impl Sqp {
                         break SqpStatus::InfeasibleQp;
                     }
                     self.enter_elastic();
+                    self.hessian.restart(iterations);
                     continue;
                 }
-                QpStatus::Failed if self.hessian.give_up(iterations, least) => continue,
+                QpStatus::Failed if self.hessian.give_up(iterations) => continue,
                 QpStatus::Failed => break SqpStatus::NumericalTrouble,
             }
 
@@ -368,10 +389,11 @@ impl Sqp {
                     plan_state = PlanState::Stepped;
                     break SqpStatus::Deadline;
                 }
-                Search::NoDescent if self.hessian.give_up(iterations, least) => continue,
+                Search::NoDescent if self.hessian.give_up(iterations) => continue,
                 Search::NoDescent if self.elastic => break SqpStatus::Stalled,
                 Search::NoDescent => {
                     self.enter_elastic();
+                    self.hessian.restart(iterations);
                     point.kkt = self.residual(plan);
                 }
             }
@@ -379,7 +401,8 @@ impl Sqp {
         };
         if status == SqpStatus::Converged && always {
             self.transcription.measure(input.x0, &plan.z, input.targets, &mut self.qp);
-            curvature_dropped = self.curve(model, input, plan, true, expired).unwrap_or(true);
+            curvature_dropped =
+                self.curve(model, input, plan, Purpose::Judgement, expired).unwrap_or(true);
         }
         let outcome = Outcome {
             status,
@@ -400,11 +423,19 @@ impl Sqp {
         model: &mut Horizon,
         input: StepInput<'_>,
         plan: &Solution,
-        judges: bool,
+        purpose: Purpose,
         expired: &mut dyn FnMut() -> bool,
     ) -> Option<bool> {
         let at = At { x0: input.x0, plan, targets: input.targets };
-        self.transcription.curve(model, at, (&self.qp, &mut self.curved), judges, expired)
+        self.transcription.curve(model, at, (&self.qp, &mut self.curved), purpose, expired)
+    }
+
+    /// Whether the step has other active rows than those that a program with the exact Hessian held.
+    fn is_unsettled_by_step(&mut self, plan: &Solution) -> bool {
+        let was_settled = self.settled;
+        self.settled = self.hessian.current() == Hessian::Exact
+            && self.qp.has_same_active(&plan.multipliers, &self.step.multipliers);
+        was_settled && !self.settled && self.hessian.current() == Hessian::Exact
     }
 
     /// Solves the program with the Hessian that is chosen.
@@ -471,41 +502,6 @@ impl Sqp {
     fn give_up(&self, plan: &mut Solution) -> Search {
         plan.copy_from(&self.base);
         Search::Expired
-    }
-
-    /// Halves the step until the merit function decreases.
-    #[inline(never)]
-    fn backtrack(
-        &mut self,
-        model: &mut Horizon,
-        input: StepInput<'_>,
-        plan: &mut Solution,
-        (from, whole): (Point, Point),
-        expired: &mut dyn FnMut() -> bool,
-    ) -> Search {
-        self.merit.update_penalties(&self.step.multipliers);
-        let start = self.merit.value(&self.qp, from.cost);
-        let slope = self.merit.directional_derivative(&self.qp, &self.step).min(0.0);
-        // What rounding makes of sums of this size.
-        let noise = 1e-14 * start.abs();
-        let (mut point, mut length) = (whole, 1.0);
-        for _ in 0..HALVINGS {
-            let merit = self.merit.value(&self.trial, point.cost);
-            if merit <= start + SUFFICIENT * length * slope + noise {
-                self.accept_trial(length);
-                return Search::Found(point);
-            }
-            if expired() {
-                return self.give_up(plan);
-            }
-            length *= 0.5;
-            match self.evaluate_trial(model, input, plan, length, expired) {
-                Some(shorter) => point = shorter,
-                None => return self.give_up(plan),
-            }
-        }
-        plan.copy_from(&self.base);
-        Search::NoDescent
     }
 
     /// Sets the plan `length` of the step away from the base, and linearizes there, unless
