@@ -94,6 +94,9 @@ impl NmpcBuilder {
         if exact && config.real_time {
             return Err(MpcError::CurvedInRealTime);
         }
+        if exact && !problem.tree().is_chain() {
+            return Err(MpcError::CurvedScenarios);
+        }
         let horizon = Horizon::new(models, problem.horizon, problem.tree())?;
         if !horizon.is_uniform() && !problem.tree().is_chain() {
             return Err(MpcError::UnequalScenarios);

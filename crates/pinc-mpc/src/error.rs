@@ -84,6 +84,9 @@ pub enum MpcError {
     /// A real-time iteration with a stage cost that leaves its Hessian to the optimization.
     #[error("a real-time iteration cannot have a stage cost without a Hessian of its own")]
     CurvedInRealTime,
+    /// Scenarios with a stage cost that leaves its Hessian to the optimization.
+    #[error("scenarios need a stage cost with a Hessian of its own")]
+    CurvedScenarios,
     /// Derivatives of a plan on a scenario tree.
     #[error("a plan for scenarios has no derivatives")]
     ScenarioDerivatives,

@@ -331,15 +331,6 @@ impl Sqp {
                 break SqpStatus::Deadline;
             }
 
-            eprintln!(
-                "{iterations} {:?} el {} kkt {:.2e} {:.1e} {:.1e} {:.1e} cost {:.8e}",
-                self.hessian.current(),
-                self.elastic,
-                point.kkt.stationarity,
-                point.kkt.dynamics,
-                point.kkt.bounds,
-                point.kkt.complementarity,
-                point.cost
             // H
             if self.hessian.judge(iterations, point.kkt.max()) {
                 self.step_length.reset();
