@@ -115,6 +115,11 @@ impl Curvature {
         }
     }
 
+    /// Whether the last program is right for the active rows that it was given only.
+    pub(crate) fn holds(&self) -> bool {
+        self.convexifier.holds()
+    }
+
     /// Adds the second derivatives that `qp` leaves out. Whether negative curvature was dropped to make
     /// it convex, or found; `None` if `expired` said that the time is up.
     pub(crate) fn add(

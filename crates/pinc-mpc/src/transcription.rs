@@ -226,6 +226,11 @@ impl Transcription {
         found
     }
 
+    /// Whether the last program with the exact Hessian is right for the given active rows only.
+    pub(crate) fn holds(&self) -> bool {
+        self.curvature.as_ref().is_some_and(|of| of.holds())
+    }
+
     /// The parameters of a stage.
     pub(crate) fn parameters(&self, stage: usize) -> &[f64] {
         self.cache.parameters(stage)

@@ -47,6 +47,7 @@ pub struct Convexifier {
     vectors: Vec<f64>,
     /// `G^-1 M_u:`, `[m, n + m]`.
     gain: Vec<f64>,
+    holds: bool,
 }
 
 impl Convexifier {
@@ -63,7 +64,15 @@ impl Convexifier {
             pivot: vec![0.0; m * m],
             vectors: vec![0.0; m * m],
             gain: vec![0.0; m * s],
+            holds: false,
         }
+    }
+
+    /// Whether the last program had to have its active rows held: it is then wrong if its solution
+    /// has other ones.
+    #[must_use]
+    pub fn holds(&self) -> bool {
+        self.holds
     }
 
     /// Whether `qp`, whose Hessian is overwritten, has negative curvature along a step that keeps the
@@ -75,13 +84,15 @@ impl Convexifier {
     }
 
     /// Makes `qp`, which has a stage cost, convex; whether negative curvature was dropped. Active rows
-    /// are held if their `multipliers` are known: if the solution has other active rows, it is wrong.
+    /// are held, if need be, where their `multipliers` are known.
     pub fn apply(&mut self, qp: &mut Qp, multipliers: Option<&Multipliers>) -> bool {
+        self.holds = false;
         if let Some(multipliers) = multipliers {
             if !self.recur(qp, true) {
                 return false;
             }
             hold(qp, multipliers, HELD[0]);
+            self.holds = true;
         }
         self.recur(qp, false)
     }

@@ -423,10 +423,9 @@ impl Sqp {
 
     /// Whether the step has other active rows than those that a program with the exact Hessian held.
     fn is_unsettled_by_step(&mut self, plan: &Solution) -> bool {
-        let was_settled = self.settled;
-        self.settled = self.hessian.current() == Hessian::Exact
-            && self.qp.has_same_active(&plan.multipliers, &self.step.multipliers);
-        was_settled && !self.settled && self.hessian.current() == Hessian::Exact
+        let exact = self.hessian.current() == Hessian::Exact;
+        self.settled = exact && self.qp.has_same_active(&plan.multipliers, &self.step.multipliers);
+        exact && self.transcription.holds() && !self.settled
     }
 
     /// Solves the program with the Hessian that is chosen.
