@@ -1,22 +1,27 @@
 //! The exact Hessian of the Lagrangian, in place of the Gauss-Newton Hessian.
 
-use crate::convexify::Convexifier;
+use crate::IntervalEnd;
+use crate::cost::Targets;
 use crate::horizon::Horizon;
+use crate::scenarios::Nodes;
 use crate::solution::Solution;
 use crate::stage_cost::{QuadBlock, StagePoint};
-use crate::stage_terms::StageTerms;
+use crate::transcription::Transcription;
 use crate::units::Units;
-use pinc_ode::{LinearizationBuffer, Stages};
-use pinc_qp::{OcpDims, Qp, all_finite};
+use pinc_ode::{LinearizationBuffer, OutputLinearization, Stages};
+use pinc_qp::{Convexifier, OcpDims, Qp, all_finite};
 
 /// A difference quotient is taken over this part of a variable's size: the cube root of the
 /// precision.
 const STEP: f64 = 6e-6;
 
-/// The second derivatives of a stage's part of the Lagrangian,
+/// The second derivatives of the Lagrangian, stage by stage and node by node, of what depends on one
+/// state and one input:
 ///
 /// ```text
-/// l_j(x_j, u_j) + lambda_{j+1}' f(x_j, u_j)
+/// part l(x, u) + lambda' f(x, u) + eta' y(x, u)      at x_j and the input that acts there
+/// eta' (h(x, u), g(x, u))                            likewise
+/// (2 Q e + eta)' y(x, u)                             at x_j and the input that led there
 /// ```
 ///
 /// by differences of its gradient, which is exact. At a kink, where the difference quotients of the
@@ -24,6 +29,7 @@ const STEP: f64 = 6e-6;
 #[derive(Debug)]
 pub(crate) struct Curvature {
     dims: OcpDims,
+    nodes: Nodes,
     /// The point, and for each of (x, u) a point ahead and one behind: `[points, n]`, `[points, m]`.
     x: Vec<f64>,
     u: Vec<f64>,
@@ -35,6 +41,14 @@ pub(crate) struct Curvature {
     by_x: Vec<f64>,
     by_u: Vec<f64>,
     model: LinearizationBuffer,
+    /// The outputs with their Jacobians at the points.
+    y: Vec<f64>,
+    c: Vec<f64>,
+    d: Vec<f64>,
+    /// The weights of the outputs, or of h and g.
+    weights: Vec<f64>,
+    /// h and g at a point, with their Jacobians.
+    general: [Vec<f64>; 3],
     block: QuadBlock,
     /// `[n + m, n + m]`
     hessian: Vec<f64>,
@@ -44,29 +58,44 @@ pub(crate) struct Curvature {
 }
 
 /// Where second derivatives are taken.
+#[derive(Clone, Copy)]
 pub(crate) struct At<'a> {
     pub(crate) x0: &'a [f64],
     pub(crate) plan: &'a Solution,
-    /// p of each stage, `[N, np]`; at the end of the horizon the last ones hold.
-    pub(crate) p: &'a [f64],
-    pub(crate) units: &'a Units,
+    pub(crate) targets: Targets<'a>,
 }
 
-impl At<'_> {
-    /// p of a stage.
-    fn parameters(&self, dims: OcpDims, stage: usize) -> &[f64] {
-        let (np, stage) = (self.p.len() / dims.horizon, stage.min(dims.horizon - 1));
-        &self.p[stage * np..(stage + 1) * np]
-    }
+/// What the exact Hessian is for.
+#[derive(Clone, Copy)]
+pub(crate) enum Purpose {
+    /// A program, whose active rows are likely the plan's if they are `settled`.
+    Step { settled: bool },
+    /// To see whether the plan is a minimum.
+    Judgement,
+}
+
+/// The state and the input of some terms.
+#[derive(Clone, Copy)]
+struct Place {
+    /// j of `x_j`.
+    node: usize,
+    /// i of `u_i`.
+    input: usize,
+    /// The stage whose model and p count.
+    stage: usize,
+    /// Whether the input led to the state.
+    before: bool,
 }
 
 impl Curvature {
-    pub(crate) fn new(dims: OcpDims, horizon: &Horizon) -> Self {
+    pub(crate) fn new(dims: OcpDims, nodes: Nodes, horizon: &Horizon) -> Self {
         let (s, model) = (dims.nx + dims.nu, horizon.dims());
         let points = 2 * s + 1;
         let zeros = |width: usize| vec![0.0; points * width];
+        let rows = dims.general();
         Self {
             dims,
+            nodes,
             x: zeros(dims.nx),
             u: zeros(dims.nu),
             p: zeros(model.np),
@@ -74,6 +103,11 @@ impl Curvature {
             by_x: zeros(dims.nx),
             by_u: zeros(dims.nu),
             model: LinearizationBuffer::new(model, points),
+            y: zeros(model.ny),
+            c: zeros(model.ny * dims.nx),
+            d: zeros(model.ny * dims.nu),
+            weights: vec![0.0; model.ny.max(rows)],
+            general: [1, dims.nx, dims.nu].map(|width| vec![0.0; rows * width]),
             block: QuadBlock::new(dims.nx, dims.nu),
             hessian: vec![0.0; s * s],
             convexifier: Convexifier::new(dims),
@@ -81,48 +115,95 @@ impl Curvature {
         }
     }
 
-    /// Adds the second derivatives of all stages to `qp`, which has those of the quadratic cost, and
-    /// makes it convex, or `judges` whether the plan is a minimum. Whether negative curvature was
-    /// dropped, or found; `None` if `expired` said that the time is up.
+    /// Whether the last program is right for the active rows that it was given only.
+    pub(crate) fn holds(&self) -> bool {
+        self.convexifier.holds()
+    }
+
+    /// Adds the second derivatives that `qp` leaves out. Whether negative curvature was dropped to make
+    /// it convex, or found; `None` if `expired` said that the time is up.
     pub(crate) fn add(
         &mut self,
         horizon: &mut Horizon,
-        terms: &mut StageTerms,
-        at: &At<'_>,
+        of: &mut Transcription,
+        at: At<'_>,
         qp: &mut Qp,
-        judges: bool,
+        purpose: Purpose,
         expired: &mut dyn FnMut() -> bool,
     ) -> Option<bool> {
-        for stage in 0..=self.dims.horizon {
+        let dims = self.dims;
+        for stage in 0..dims.horizon {
             if expired() {
                 return None;
             }
-            self.spread(at, stage);
-            self.differentiate(horizon, terms, at, stage);
-            self.combine();
-            if all_finite(&self.hessian) {
-                self.add_block(stage, at.units, qp);
+            let (node, input) = (dims.origin(stage), dims.input_of(stage));
+            let here = Place { node, input, stage, before: false };
+            self.spread(of, at, here);
+            self.add_cost(of, here, self.nodes.weights[stage + 1]);
+            self.add_model(horizon, of, at, stage);
+            if dims.feedthrough > 0 && self.weigh_rows(of, at, stage + 1, true) {
+                self.linearize_outputs(horizon, stage);
+                self.add_outputs();
+            }
+            self.add_block(here, &of.units, qp);
+
+            let next = stage + 1;
+            let end = Place { node: next, input: dims.acting(next), ..here };
+            if dims.stages_from(next).is_empty() && of.leaves_out_hessian() {
+                self.spread(of, at, end);
+                self.add_cost(of, end, self.nodes.weights[next]);
+                self.add_block(end, &of.units, qp);
+            }
+            if next >= dims.n1 {
+                self.add_rows(horizon, of, at, end, qp);
             }
         }
-        Some(match judges {
-            true => self.convexifier.finds_descent(qp, &at.plan.multipliers),
-            false => self.convexifier.apply(qp),
+        let multipliers = &at.plan.multipliers;
+        Some(match purpose {
+            Purpose::Step { settled } => self.convexifier.apply(qp, settled.then_some(multipliers)),
+            Purpose::Judgement => self.convexifier.finds_descent(qp, multipliers),
         })
     }
 
-    /// Writes the points of a stage.
-    fn spread(&mut self, at: &At<'_>, stage: usize) {
+    /// Adds what tracked and bounded outputs, h and g contribute at a node.
+    fn add_rows(
+        &mut self,
+        horizon: &mut Horizon,
+        of: &mut Transcription,
+        at: At<'_>,
+        end: Place,
+        qp: &mut Qp,
+    ) {
+        if of.outputs.is_some() {
+            let led = Place { input: self.dims.input_of(end.stage), before: true, ..end };
+            self.spread(of, at, led);
+            self.linearize_outputs(horizon, end.stage);
+            let bounded = self.weigh_rows(of, at, end.node, false);
+            if self.weigh_tracking(of, at, led) || bounded {
+                self.add_outputs();
+                self.add_block(led, &of.units, qp);
+            }
+        }
+        if self.dims.general() > 0 {
+            self.spread(of, at, end);
+            self.add_general(of, at, end.node);
+            self.add_block(end, &of.units, qp);
+        }
+    }
+
+    /// Writes the points of a place, and 0 for their gradients.
+    fn spread(&mut self, of: &Transcription, at: At<'_>, place: Place) {
         let (dims, s) = (self.dims, self.steps.len());
         let (n, m) = (dims.nx, dims.nu);
-        let x = dims.state(stage).map_or(at.x0, |state| &at.plan.z[state]);
-        let u = &at.plan.z[dims.input(dims.acting(stage))];
-        let p = at.parameters(dims, stage);
+        let x = dims.state(place.node).map_or(at.x0, |state| &at.plan.z[state]);
+        let u = &at.plan.z[dims.input(place.input)];
+        let p = of.parameters(place.stage);
         self.p.chunks_exact_mut(p.len().max(1)).for_each(|point| point.copy_from_slice(p));
         self.x.chunks_exact_mut(n).for_each(|point| point.copy_from_slice(x));
         self.u.chunks_exact_mut(m).for_each(|point| point.copy_from_slice(u));
         for i in 0..s {
             let here = if i < n { x[i] } else { u[i - n] };
-            let step = STEP * here.abs().max(at.units.of_stage(i));
+            let step = STEP * here.abs().max(of.units.of_stage(i));
             self.steps[i] = step;
             for (point, moved) in [(2 * i + 1, here + step), (2 * i + 2, here - step)] {
                 match i.checked_sub(n) {
@@ -131,36 +212,107 @@ impl Curvature {
                 }
             }
         }
+        self.by_x.fill(0.0);
+        self.by_u.fill(0.0);
     }
 
-    /// Writes the gradients at the points of a stage.
-    fn differentiate(
-        &mut self,
-        horizon: &mut Horizon,
-        terms: &mut StageTerms,
-        at: &At<'_>,
-        stage: usize,
-    ) {
-        let (n, m) = (self.dims.nx, self.dims.nu);
-        let Self { x, u, by_x, by_u, block, model, .. } = self;
-        let time_s = terms.time_s(stage);
-        let p = at.parameters(self.dims, stage);
-        let points = StagePoint { stage, time_s, x, u, p };
-        terms.gradients(points, block, [by_x, by_u]);
-        if stage == self.dims.horizon {
+    /// Writes this part of the gradients of a stage cost that leaves out its Hessian.
+    fn add_cost(&mut self, of: &mut Transcription, place: Place, part: f64) {
+        if !of.leaves_out_hessian() {
             return;
         }
+        let Self { x, u, by_x, by_u, block, .. } = self;
+        let stage = self.nodes.depths[place.node];
+        if let (p, Some(terms)) = of.terms_and_parameters(place.stage) {
+            let points = StagePoint { stage, time_s: terms.time_s(stage), x, u, p };
+            terms.gradients(points, block, [by_x, by_u]);
+        }
+        by_x.iter_mut().chain(by_u).for_each(|slope| *slope *= part);
+    }
+
+    /// Adds the gradients of lambda'f.
+    fn add_model(&mut self, horizon: &mut Horizon, of: &Transcription, at: At<'_>, stage: usize) {
+        let (n, m) = (self.dims.nx, self.dims.nu);
+        let Self { x, u, p, by_x, by_u, model, .. } = self;
         self.evaluated += x.len() / n;
-        horizon.at(stage).linearize(Stages { x, u, p: &self.p }, model.as_mut());
+        horizon.at(stage).linearize(Stages { x, u, p }, model.as_mut());
         let lambda = &at.plan.multipliers.dynamics[self.dims.next_state(stage)];
         for (to, jacobian, width) in [(by_x, &model.a, n), (by_u, &model.b, m)] {
             let points = to.chunks_exact_mut(width).zip(jacobian.chunks_exact(n * width));
             for (to, rows) in points {
                 for (i, (lambda, row)) in lambda.iter().zip(rows.chunks_exact(width)).enumerate() {
-                    let lambda = at.units.plain_multiplier(i, *lambda);
+                    let lambda = of.units.plain_multiplier(i, *lambda);
                     to.iter_mut().zip(row).for_each(|(to, entry)| *to += lambda * entry);
                 }
             }
+        }
+    }
+
+    /// Linearizes the outputs at the points.
+    fn linearize_outputs(&mut self, horizon: &mut Horizon, stage: usize) {
+        let Self { x, u, p, y, c, d, .. } = self;
+        horizon
+            .at(stage)
+            .linearize_output(Stages { x, u, p }, OutputLinearization { y, c, d, e: &mut [] });
+    }
+
+    /// Writes the multipliers of the outputs bounded at the start or at the end of the interval that
+    /// leads to node `j`; whether there are any.
+    fn weigh_rows(&mut self, of: &Transcription, at: At<'_>, j: usize, at_start: bool) -> bool {
+        self.weights.fill(0.0);
+        if j < self.dims.n1 {
+            return false;
+        }
+        let rows = self.dims.stage_rows(j).skip(self.dims.general());
+        for (row, (output, end)) in rows.zip(of.output_rows.iter()) {
+            if (end == Some(IntervalEnd::Start)) == at_start {
+                let eta = at.plan.multipliers.rows[row];
+                self.weights[output] += of.units.plain_row_multiplier(row, eta);
+            }
+        }
+        self.weights.iter().any(|weight| *weight != 0.0)
+    }
+
+    /// Adds 2 Q e of the tracked outputs to the weights; whether there are any.
+    fn weigh_tracking(&mut self, of: &Transcription, at: At<'_>, place: Place) -> bool {
+        let (Some(terms), [x, u]) = (&of.terms, [&self.x, &self.u]) else { return false };
+        let point = [&x[..self.dims.nx], &u[..self.dims.nu], &self.y[..]];
+        terms.force(
+            of.cost.tracking_weight(place.node),
+            place.node,
+            point,
+            at.targets,
+            |i, force| {
+                self.weights[i] += force;
+            },
+        )
+    }
+
+    /// Adds the gradients of the outputs with their weights.
+    fn add_outputs(&mut self) {
+        let (n, m) = (self.dims.nx, self.dims.nu);
+        let ny = self.y.len() * n / self.x.len();
+        let Self { by_x, by_u, c, d, weights, .. } = self;
+        for (to, jacobian, width) in [(by_x, c, n), (by_u, d, m)] {
+            let points = to.chunks_exact_mut(width).zip(jacobian.chunks_exact(ny * width));
+            points.for_each(|(to, rows)| add_weighted(to, rows, weights));
+        }
+    }
+
+    /// Adds the gradients of eta'(h, g) of a node.
+    fn add_general(&mut self, of: &mut Transcription, at: At<'_>, j: usize) {
+        let (n, m) = (self.dims.nx, self.dims.nu);
+        let count = self.dims.general();
+        for (weight, row) in self.weights.iter_mut().zip(self.dims.stage_rows(j)).take(count) {
+            *weight = of.units.plain_row_multiplier(row, at.plan.multipliers.rows[row]);
+        }
+        let Self { x, u, by_x, by_u, general: [values, rows_x, rows_u], weights, .. } = self;
+        let points = x.chunks_exact(n).zip(u.chunks_exact(m));
+        let gradients = by_x.chunks_exact_mut(n).zip(by_u.chunks_exact_mut(m));
+        for ((x, u), (by_x, by_u)) in points.zip(gradients) {
+            of.linearize_general([x, u], values, [rows_x, rows_u]);
+            add_weighted(by_x, rows_x, weights);
+            add_weighted(by_u, rows_u, weights);
         }
     }
 
@@ -187,29 +339,46 @@ impl Curvature {
         }
     }
 
-    /// Adds the second derivatives of a stage to the program, in the units of the optimization; the
+    /// Adds the second derivatives at a place to the program, in the units of the optimization; the
     /// measured state does not move.
-    fn add_block(&self, stage: usize, units: &Units, qp: &mut Qp) {
+    fn add_block(&mut self, place: Place, units: &Units, qp: &mut Qp) {
+        self.combine();
+        if !all_finite(&self.hessian) {
+            return;
+        }
         let OcpDims { nx: n, nu: m, .. } = self.dims;
         let s = n + m;
         let entry = |i: usize, k: usize| self.hessian[i * s + k] * units.second_derivative(i, k);
-        let t = self.dims.acting(stage) * m * m;
+        let t = place.input * m * m;
         for i in 0..m {
             for k in 0..m {
                 qp.t[t + i * m + k] += entry(n + i, n + k);
             }
         }
-        let Some(before) = stage.checked_sub(1) else { return };
+        let Some(state) = place.node.checked_sub(1) else { return };
         for i in 0..n {
             for k in 0..n {
-                qp.q[(before * n + i) * n + k] += entry(i, k);
+                qp.q[(state * n + i) * n + k] += entry(i, k);
             }
         }
-        for i in 0..m {
-            for k in 0..n {
-                qp.s[(before * m + i) * n + k] += entry(n + i, k);
+        let cross = if place.before { &mut qp.s_before } else { &mut qp.s };
+        // Without feedthrough there are no products with the input that led there.
+        if let Some(cross) = cross.get_mut(state * m * n..(state + 1) * m * n) {
+            for i in 0..m {
+                for k in 0..n {
+                    cross[i * n + k] += entry(n + i, k);
+                }
             }
         }
+    }
+}
+
+/// Adds the rows of a Jacobian with their weights.
+fn add_weighted(to: &mut [f64], rows: &[f64], weights: &[f64]) {
+    // A row without weight may have no derivative.
+    let rows = rows.chunks_exact(to.len()).zip(weights).filter(|(_, weight)| **weight != 0.0);
+    for (row, weight) in rows {
+        to.iter_mut().zip(row).for_each(|(to, entry)| *to += weight * entry);
     }
 }
 

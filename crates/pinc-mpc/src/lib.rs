@@ -25,7 +25,6 @@ mod config;
 mod constraint;
 mod constraints;
 mod controller;
-mod convexify;
 mod cost;
 mod curvature;
 mod error;

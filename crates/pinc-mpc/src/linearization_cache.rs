@@ -72,11 +72,6 @@ impl LinearizationCache {
         [next, a, b]
     }
 
-    /// p at each stage, `[N, np]`.
-    pub(crate) fn stage_parameters(&self) -> &[f64] {
-        &self.parameters[..self.dims.horizon * self.counts[1]]
-    }
-
     /// Sets p at each stage; whether it changed, by which what is known is no longer so.
     pub(crate) fn set_stage_parameters<'p>(&mut self, of: impl Fn(usize) -> &'p [f64]) -> bool {
         let (mut changed, last) = (false, self.dims.horizon - 1);

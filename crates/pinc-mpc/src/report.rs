@@ -27,8 +27,8 @@ pub struct StepReport<'a> {
     /// the last plan.
     pub followed: bool,
     /// Whether negative curvature was dropped at the plan: it then meets the first-order conditions
-    /// at best, and is not known to be a minimum. Steps that keep active bounds active count, and
-    /// other constraints do not. Only with a stage cost that leaves its Hessian to the optimization.
+    /// at best, and is not known to be a minimum. Only steps that keep active limits active count. Only
+    /// with a stage cost that leaves its Hessian to the optimization.
     pub curvature_dropped: bool,
     /// The cost J of the plan that `kkt` is of; NaN if there is none.
     pub cost: f64,

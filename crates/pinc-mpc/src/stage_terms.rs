@@ -158,6 +158,35 @@ impl StageTerms {
         value
     }
 
+    /// Hands 2 Q e of each tracked output of a node to `take`, with the output's place; x, u and y are
+    /// the values there. Whether there are any that are not 0.
+    pub(crate) fn force(
+        &self,
+        q: &[f64],
+        node: usize,
+        [x, u, y]: [&[f64]; 3],
+        targets: Targets<'_>,
+        mut take: impl FnMut(usize, f64),
+    ) -> bool {
+        let count = self.tracked.len();
+        let reference = &targets.reference[(node - 1) * count..node * count];
+        let value = |tracked: Tracked| match tracked {
+            Tracked::State(state) => x[state],
+            Tracked::Input(input) => u[input],
+            Tracked::Output(output) => y[output],
+        };
+        let mut any = false;
+        for (tracked, q) in self.tracked.iter().zip(q.chunks_exact(count.max(1))) {
+            if let Tracked::Output(output) = *tracked {
+                let errors = self.tracked.iter().zip(reference).map(|(of, r)| value(*of) - r);
+                let force: f64 = q.iter().zip(errors).map(|(q, e)| q * e).sum();
+                any |= force != 0.0;
+                take(output, force);
+            }
+        }
+        any
+    }
+
     /// Adds the tracking of a stage, weighted by 2 Q, to the block.
     fn track(
         &mut self,

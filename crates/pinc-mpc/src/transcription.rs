@@ -3,7 +3,7 @@
 use crate::constraint::Constraint;
 use crate::constraints::ConstraintWork;
 use crate::cost::{Cost, Targets};
-use crate::curvature::{At, Curvature};
+use crate::curvature::{At, Curvature, Purpose};
 use crate::horizon::Horizon;
 use crate::linearization_cache::LinearizationCache;
 use crate::outputs::{OutputRows, Outputs};
@@ -23,8 +23,8 @@ pub(crate) struct Transcription {
     dims: OcpDims,
     pub(crate) cost: Cost,
     pub(crate) terms: Option<StageTerms>,
-    /// The exact Hessian, where a stage cost leaves it out.
-    curvature: Option<Curvature>,
+    /// What the Gauss-Newton Hessian leaves out; away while it is computed.
+    curvature: Option<Box<Curvature>>,
     /// Bounds on z.
     pub(crate) bounds: Bounds,
     /// Bounds on all increments.
@@ -65,10 +65,9 @@ impl Transcription {
         let output_bounds = problem.output_bounds.as_ref();
         let constant = cost.state_hessians();
         let terms = StageTerms::new(problem, (dims, &nodes), constant, stage_cost, horizon.times());
-        let exact = terms.as_ref().is_some_and(StageTerms::leaves_out_hessian);
         let mut transcription = Self {
             dims,
-            curvature: exact.then(|| Curvature::new(dims, horizon)),
+            curvature: Some(Box::new(Curvature::new(dims, nodes.clone(), horizon))),
             terms,
             plain: Qp::new(dims, cost.state_hessians(), cost.increment_hessians()),
             cost,
@@ -119,6 +118,17 @@ impl Transcription {
             }
         }
         self.units.choose_cost(&self.plain.q, &self.plain.r);
+    }
+
+    /// A program that has room for the exact Hessian: of products of states with the inputs that led
+    /// there as well, where outputs depend on them.
+    pub(crate) fn curved_qp(&self) -> Qp {
+        let qp = self.qp();
+        match qp.s_before.is_empty() && self.dims.feedthrough == 0 {
+            true if qp.has_stage_cost() => qp,
+            true => qp.with_stage_cost(),
+            false => qp.with_end_cost(),
+        }
     }
 
     /// The program with its constant numbers, in the units that there are.
@@ -193,28 +203,57 @@ impl Transcription {
         }
     }
 
-    /// Whether the program's Hessian is to be the exact one.
-    pub(crate) fn is_exact(&self) -> bool {
-        self.curvature.is_some()
+    /// Whether a stage cost leaves its Hessian to the optimization.
+    pub(crate) fn leaves_out_hessian(&self) -> bool {
+        self.terms.as_ref().is_some_and(StageTerms::leaves_out_hessian)
     }
 
-    /// Adds the exact Hessian's part of model and stage cost at `plan` to `qp`, which was measured
-    /// there, and makes it convex: see [`Curvature::add`].
+    /// Writes `plain`, which was measured at the plan, with the exact Hessian of the Lagrangian to
+    /// `qp`: see [`Curvature::add`].
     #[inline(never)]
     pub(crate) fn curve(
         &mut self,
         horizon: &mut Horizon,
-        x0: &[f64],
-        plan: &Solution,
-        qp: &mut Qp,
-        judges: bool,
+        at: At<'_>,
+        (plain, qp): (&Qp, &mut Qp),
+        purpose: Purpose,
         expired: &mut dyn FnMut() -> bool,
     ) -> Option<bool> {
-        let (Some(curvature), Some(terms)) = (&mut self.curvature, &mut self.terms) else {
-            return Some(false);
-        };
-        let at = At { x0, plan, p: self.cache.stage_parameters(), units: &self.units };
-        curvature.add(horizon, terms, &at, qp, judges, expired)
+        qp.copy_from(plain);
+        let mut curvature = self.curvature.take()?;
+        let found = curvature.add(horizon, self, at, qp, purpose, expired);
+        self.curvature = Some(curvature);
+        found
+    }
+
+    /// Whether the last program with the exact Hessian is right for the given active rows only.
+    pub(crate) fn holds(&self) -> bool {
+        self.curvature.as_ref().is_some_and(|of| of.holds())
+    }
+
+    /// The parameters of a stage.
+    pub(crate) fn parameters(&self, stage: usize) -> &[f64] {
+        self.cache.parameters(stage)
+    }
+
+    /// The same, with the terms of the cost whose Hessian changes.
+    pub(crate) fn terms_and_parameters(
+        &mut self,
+        stage: usize,
+    ) -> (&[f64], Option<&mut StageTerms>) {
+        (self.cache.parameters(stage), self.terms.as_mut())
+    }
+
+    /// Linearizes h and g at a point.
+    pub(crate) fn linearize_general(
+        &mut self,
+        point: [&[f64]; 2],
+        values: &mut [f64],
+        jacobians: [&mut [f64]; 2],
+    ) {
+        if let Some(constraints) = &self.constraints {
+            constraints.linearize(point, values, jacobians, &mut self.work);
+        }
     }
 
     /// Moves the plan's inputs into their bounds and into the bounds of their increments. From
@@ -302,7 +341,7 @@ impl Transcription {
         targets: Targets<'_>,
         qp: &mut Qp,
     ) -> bool {
-        if !self.is_exact() || !self.units.wants_slope() {
+        if !self.leaves_out_hessian() || !self.units.wants_slope() {
             return false;
         }
         self.measure(x0, z, targets, qp);

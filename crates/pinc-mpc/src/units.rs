@@ -199,6 +199,11 @@ impl Units {
         multiplier * (self.cost / self.x[i])
     }
 
+    /// A multiplier of a row of h, g or outputs in the plant's units.
+    pub(crate) fn plain_row_multiplier(&self, row: usize, multiplier: f64) -> f64 {
+        multiplier * (self.cost / self.rows[row % self.rows.len()])
+    }
+
     /// Scales the model's linearization and the rows in `qp`.
     #[inline(never)]
     pub(crate) fn scale_constraints(&self, qp: &mut Qp) {

@@ -15,7 +15,8 @@ use std::fmt;
 /// ```
 ///
 /// M has the full blocks of the QP, a line per finite limit, and a line per violation. It is built
-/// anew where other rows are soft than before.
+/// anew where other rows are soft than before, or where the Hessian has products of states and inputs
+/// that it did not have.
 pub(crate) struct ClarabelQp {
     layout: Layout,
     solver: DefaultSolver<f64>,
@@ -205,6 +206,8 @@ struct Layout {
     /// The soft rows; in the end there is a line for the violation of each.
     soft: Vec<Row>,
     columns: usize,
+    /// Whether H has products of states and inputs.
+    stage_cost: bool,
     /// In the order of a matrix stored by columns.
     entries: Vec<Entry>,
 }
@@ -231,18 +234,18 @@ impl Layout {
         lines.sort_by_key(|line| !line.equality);
         let equalities = lines.iter().filter(|line| line.equality).count();
         let columns = qp.gradient.len() + soft.len();
-        let mut layout =
-            Self { dynamics: qp.c.len(), lines, equalities, soft, columns, entries: Vec::new() };
+        let (dynamics, stage_cost, entries) = (qp.c.len(), qp.has_stage_cost(), Vec::new());
+        let mut layout = Self { dynamics, lines, equalities, soft, columns, stage_cost, entries };
         layout.add_dynamics(qp);
         layout.add_lines(qp);
         layout.entries.sort_by_key(|entry| (entry.column, entry.row));
         layout
     }
 
-    /// Whether the soft rows of `qp` are these.
+    /// Whether the soft rows of `qp` and the pattern of its Hessian are these.
     fn suits(&self, qp: &Qp) -> bool {
         let mut soft = self.soft.iter();
-        let mut same = true;
+        let mut same = self.stage_cost == qp.has_stage_cost();
         for (kind, limits) in qp.limits() {
             for (index, [low, high, penalty]) in limits.iter().enumerate() {
                 if penalty.is_finite() && (low.is_finite() || high.is_finite()) {

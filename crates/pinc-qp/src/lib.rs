@@ -5,6 +5,7 @@
 //!   solution with the [`Multipliers`].
 //! - [`QpSolver`]: a method; [`ChosenQp`] the one that [`QpMethod`] names, which says in what units
 //!   a program may be.
+//! - [`Convexifier`]: makes a program convex where it is not.
 
 #![forbid(unsafe_code)]
 
@@ -32,6 +33,7 @@ mod choice;
 #[cfg(feature = "clarabel")]
 mod clarabel;
 mod condense;
+mod convexify;
 mod dense;
 mod factor;
 mod multipliers;
@@ -45,6 +47,7 @@ mod work;
 
 pub use algebra::{all_finite, largest};
 pub use choice::{ChosenQp, QpError, QpMethod};
+pub use convexify::Convexifier;
 pub use multipliers::Multipliers;
 pub use ocp_dims::{OcpDims, RowBlock};
 pub use tree::Tree;
@@ -81,9 +84,8 @@ use std::ops::Range;
 /// Throughout `du_j` = `du_{Nu-1}` for j >= Nu, `c_j = f(x_j, u_j) - x_{j+1}`, and du all inputs as one
 /// vector.
 ///
-/// The Hessian is the Gauss-Newton Hessian of the cost: it leaves out the curvature of the
-/// constraints. R and W are the same in all QPs, and so is Q where there is no S. The Hessian as a
-/// whole must be positive semidefinite.
+/// R and W are the same in all QPs, and so is Q in all QPs without S. The Hessian as a whole must be
+/// positive semidefinite on the dynamics.
 #[derive(Clone, Debug)]
 pub struct Qp {
     /// The sizes.
@@ -278,6 +280,38 @@ impl Qp {
         let mut qp = self.with_stage_cost();
         qp.s_before = vec![0.0; qp.s.len()];
         qp
+    }
+
+    /// Copies all numbers of a program of the same problem; S, E and T that it does not have become 0.
+    pub fn copy_from(&mut self, other: &Self) {
+        let Self { q, r, s, s_before, t, w, a, b, c, rows_x, rows_u, gradient, .. } = self;
+        for (to, from) in [
+            (q, &other.q),
+            (r, &other.r),
+            (s, &other.s),
+            (s_before, &other.s_before),
+            (t, &other.t),
+            (w, &other.w),
+            (a, &other.a),
+            (b, &other.b),
+            (c, &other.c),
+            (rows_x, &other.rows_x),
+            (rows_u, &other.rows_u),
+            (gradient, &other.gradient),
+        ] {
+            match from.is_empty() {
+                true => to.fill(0.0),
+                false => to.copy_from_slice(from),
+            }
+        }
+        let Self { bounds, increments, rows, .. } = self;
+        for (to, from) in
+            [(bounds, &other.bounds), (increments, &other.increments), (rows, &other.rows)]
+        {
+            to.low.copy_from_slice(&from.low);
+            to.high.copy_from_slice(&from.high);
+            to.penalty.copy_from_slice(&from.penalty);
+        }
     }
 
     /// Whether Q, S, E and T may change from QP to QP.

@@ -1,5 +1,6 @@
 //! The elastic mode: hard constraints on states made soft where they contradict each other.
 
+use super::hessian::Hessian;
 use super::{Outcome, PlanState, Sqp};
 use crate::SqpStatus;
 use crate::kkt::KktResidual;
@@ -16,7 +17,10 @@ impl Sqp {
     #[inline(never)]
     pub(super) fn enter_elastic(&mut self) {
         self.elastic = true;
-        let qp = &self.qp;
+        let qp = match self.hessian.current() {
+            Hessian::GaussNewton => &self.qp,
+            Hessian::Exact => &self.curved,
+        };
         let size = |values: &[f64]| values.iter().fold(0.0_f64, |size, v| size.max(v.abs()));
         let parts = [&qp.gradient, &qp.q, &qp.r, &qp.t, &qp.w];
         let weight = ELASTIC_WEIGHT * parts.map(|part| size(part)).iter().sum::<f64>().max(1.0);

@@ -1,10 +1,15 @@
-//! Sequential quadratic programming with Gauss-Newton Hessians.
+//! Sequential quadratic programming with Gauss-Newton or exact Hessians.
 
 mod elastic;
+mod hessian;
+mod line_search;
+mod outcome;
+
+pub(crate) use outcome::{Outcome, PlanState};
 
 use crate::barzilai_borwein::BarzilaiBorwein;
-use crate::constraint::Constraint;
 use crate::cost::Targets;
+use crate::curvature::{At, Purpose};
 use crate::horizon::Horizon;
 use crate::kkt::KktResidual;
 use crate::merit::Merit;
@@ -12,15 +17,12 @@ use crate::solution::Solution;
 use crate::stage_cost::StageCost;
 use crate::transcription::Transcription;
 use crate::{BoundSchedule, MpcError, NmpcProblem, Softness, SqpConfig, SqpStatus, StepWork};
+use hessian::{Hessian, HessianChoice};
 use pinc_qp::{ChosenQp, OcpDims, Qp, QpSolver, QpStatus, QpStep, Row};
 use std::ops::Range;
 
 /// A step is taken whole if it brings the KKT residual below this part of the least seen.
 const CONTRACTION: f64 = 0.9;
-/// The part of the promised decrease of the merit function that a step must bring.
-const SUFFICIENT: f64 = 1e-4;
-/// How often a step is halved.
-const HALVINGS: usize = 20;
 
 /// SQP by line search: linearize the problem at the current plan, solve the QP, go along its step
 /// and towards its multipliers, until the KKT residual is small.
@@ -30,7 +32,8 @@ const HALVINGS: usize = 20;
 /// residual clearly the least seen so far, which can happen only finitely often; otherwise steps
 /// are halved until the [`Merit`] function decreases. So neither the merit function's reluctance
 /// near a solution (the Maratos effect) costs steps, nor does the iteration diverge from afar.
-/// Where it turns out to be slow, steps are made longer or shorter by its [`BarzilaiBorwein`].
+/// Where it turns out to be slow, steps are made longer or shorter by its [`BarzilaiBorwein`], and
+/// then the [`HessianChoice`] takes the exact Hessian of the Lagrangian.
 ///
 /// If a linearized problem has no solution, or its step is none of descent, the hard constraints on
 /// states become soft for the rest of the control step (elastic mode): violated as little as
@@ -50,8 +53,15 @@ pub(crate) struct Sqp {
     qp: Qp,
     /// The problem linearized at the point that is tried.
     trial: Qp,
+    /// The program at the plan with the exact Hessian.
+    curved: Qp,
+    hessian: HessianChoice,
+    /// Whether the last program with the exact Hessian had the active rows that it began with.
+    settled: bool,
     solver: ChosenQp,
     step: QpStep,
+    /// A step that was not good enough, while another is tried.
+    other_step: QpStep,
     merit: Merit,
     step_length: BarzilaiBorwein,
     /// Where the step starts.
@@ -66,50 +76,6 @@ pub(crate) struct Sqp {
     exact: [bool; 3],
     /// Whether hard constraints are soft for now.
     elastic: bool,
-}
-
-/// What came of an optimization.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Outcome {
-    pub(crate) status: SqpStatus,
-    pub(crate) iterations: usize,
-    /// The residual at the end.
-    pub(crate) last: KktResidual,
-    /// What is in the way, if hard constraints had to be made soft and are violated.
-    pub(crate) violated: Option<Constraint>,
-    /// What is known of the plan.
-    pub(crate) plan_state: PlanState,
-    /// Whether the plan is not known to be a minimum, since the cost's curvature is negative there;
-    /// without convergence, whether the last program had to be made convex.
-    pub(crate) curvature_dropped: bool,
-    /// The cost of the last plan that was evaluated.
-    pub(crate) cost: f64,
-}
-
-impl Outcome {
-    /// The time was up before the first linearization was complete.
-    fn expired_at_once() -> Self {
-        Self {
-            status: SqpStatus::Deadline,
-            iterations: 0,
-            last: KktResidual::unknown(),
-            violated: None,
-            plan_state: PlanState::Evaluated,
-            curvature_dropped: false,
-            cost: f64::NAN,
-        }
-    }
-}
-
-/// What is known of the plan that an optimization ends with.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum PlanState {
-    /// The residual is the plan's own.
-    Evaluated,
-    /// The time was up when a QP had been solved: the plan is its solution, not linearized at.
-    Stepped,
-    /// The time was up within a QP: the plan is on the way to its solution.
-    Partial,
 }
 
 /// A point with its residual and cost.
@@ -150,9 +116,9 @@ impl Sqp {
         let dims = qp.dims;
         Ok(Self {
             config,
-            transcription,
             solver: ChosenQp::new(&qp, config.qp)?,
             step: QpStep::new(dims),
+            other_step: QpStep::new(dims),
             merit: Merit::new(dims),
             step_length: BarzilaiBorwein::new(dims.unknowns()),
             base: Solution::new(dims),
@@ -167,6 +133,10 @@ impl Sqp {
             .map(|softness| *softness == Softness::Exact),
             elastic: false,
             trial: qp.clone(),
+            curved: transcription.curved_qp(),
+            hessian: HessianChoice::new(None),
+            settled: false,
+            transcription,
             qp,
         })
     }
@@ -208,6 +178,7 @@ impl Sqp {
     fn rebuild_programs(&mut self) {
         self.qp = self.transcription.qp();
         self.trial = self.qp.clone();
+        self.curved = self.transcription.curved_qp();
         self.penalties = [self.qp.bounds.penalty.clone(), self.qp.rows.penalty.clone()];
         if let Ok(solver) = ChosenQp::new(&self.qp, self.config.qp) {
             self.solver = solver;
@@ -327,6 +298,7 @@ impl Sqp {
     ///
     /// ```text
     /// until |KKT(z, lambda)| <= tolerance:
+    ///     H = the Gauss-Newton or the exact Hessian, by how fast the last QPs were
     ///     d, lambda+ = the solution of the QP linearized at z
     ///     alpha = the length of the step, by the residual or the merit function
     ///     z, lambda = z + alpha d, lambda + alpha (lambda+ - lambda)
@@ -348,7 +320,9 @@ impl Sqp {
         std::mem::swap(&mut self.qp, &mut self.trial);
         let (mut iterations, mut least) = (0, point.kkt.max());
         let (mut conflict, mut plan_state) = (None, PlanState::Evaluated);
-        let (mut curved, mut curvature_dropped) = (false, false);
+        let (mut curvature_dropped, always) = (false, self.transcription.leaves_out_hessian());
+        self.hessian = HessianChoice::new(always.then_some(Hessian::Exact));
+        self.settled = false;
         let status = loop {
             if let Some(status) = self.check_termination(point.kkt, iterations) {
                 break status;
@@ -357,10 +331,19 @@ impl Sqp {
                 break SqpStatus::Deadline;
             }
 
-            if self.transcription.is_exact() && !curved {
-                let qp = &mut self.qp;
-                match self.transcription.curve(model, input.x0, plan, qp, false, expired) {
-                    Some(dropped) => (curved, curvature_dropped) = (true, dropped),
+            // H
+            if self.hessian.judge(iterations, point.kkt.max()) {
+                self.step_length.reset();
+            }
+            if self.hessian.current() == Hessian::Exact {
+                match self.curve(
+                    model,
+                    input,
+                    plan,
+                    Purpose::Step { settled: self.settled },
+                    expired,
+                ) {
+                    Some(dropped) => curvature_dropped = dropped && always,
                     None => break SqpStatus::Deadline,
                 }
             }
@@ -368,7 +351,8 @@ impl Sqp {
             // d, lambda+
             iterations += 1;
             self.step.multipliers.copy_from(&plan.multipliers);
-            match self.solver.solve(&self.qp, &mut self.step, expired) {
+            match self.solve_program(expired) {
+                QpStatus::Solved if self.is_unsettled_by_step(plan) => continue,
                 QpStatus::Solved => {}
                 QpStatus::Expired => {
                     self.step_on_the_way(plan, input.targets.previous);
@@ -381,32 +365,35 @@ impl Sqp {
                         break SqpStatus::InfeasibleQp;
                     }
                     self.enter_elastic();
+                    self.hessian.restart(iterations);
                     continue;
                 }
+                QpStatus::Failed if self.hessian.give_up(iterations) => continue,
                 QpStatus::Failed => break SqpStatus::NumericalTrouble,
             }
 
             // alpha, z, lambda
             match self.search(model, input, plan, (point, least), expired) {
-                Search::Found(next) => (point, curved) = (next, false),
+                Search::Found(next) => point = next,
                 Search::Expired => break SqpStatus::Deadline,
                 Search::Unevaluated => {
                     plan_state = PlanState::Stepped;
                     break SqpStatus::Deadline;
                 }
+                Search::NoDescent if self.hessian.give_up(iterations) => continue,
                 Search::NoDescent if self.elastic => break SqpStatus::Stalled,
                 Search::NoDescent => {
                     self.enter_elastic();
+                    self.hessian.restart(iterations);
                     point.kkt = self.residual(plan);
                 }
             }
             least = least.min(point.kkt.max());
         };
-        if status == SqpStatus::Converged && self.transcription.is_exact() {
-            let qp = &mut self.qp;
-            self.transcription.measure(input.x0, &plan.z, input.targets, qp);
-            let found = self.transcription.curve(model, input.x0, plan, qp, true, expired);
-            curvature_dropped = found.unwrap_or(true);
+        if status == SqpStatus::Converged && always {
+            self.transcription.measure(input.x0, &plan.z, input.targets, &mut self.qp);
+            curvature_dropped =
+                self.curve(model, input, plan, Purpose::Judgement, expired).unwrap_or(true);
         }
         let outcome = Outcome {
             status,
@@ -418,6 +405,36 @@ impl Sqp {
             cost: self.transcription.units.plain_cost(point.cost),
         };
         self.finalize(outcome, plan, conflict)
+    }
+
+    /// Writes the program with the exact Hessian: see [`Transcription::curve`].
+    #[inline(never)]
+    fn curve(
+        &mut self,
+        model: &mut Horizon,
+        input: StepInput<'_>,
+        plan: &Solution,
+        purpose: Purpose,
+        expired: &mut dyn FnMut() -> bool,
+    ) -> Option<bool> {
+        let at = At { x0: input.x0, plan, targets: input.targets };
+        self.transcription.curve(model, at, (&self.qp, &mut self.curved), purpose, expired)
+    }
+
+    /// Whether the step has other active rows than those that a program with the exact Hessian held.
+    fn is_unsettled_by_step(&mut self, plan: &Solution) -> bool {
+        let exact = self.hessian.current() == Hessian::Exact;
+        self.settled = exact && self.qp.has_same_active(&plan.multipliers, &self.step.multipliers);
+        exact && self.transcription.holds() && !self.settled
+    }
+
+    /// Solves the program with the Hessian that is chosen.
+    fn solve_program(&mut self, expired: &mut dyn FnMut() -> bool) -> QpStatus {
+        let qp = match self.hessian.current() {
+            Hessian::GaussNewton => &self.qp,
+            Hessian::Exact => &self.curved,
+        };
+        self.solver.solve(qp, &mut self.step, expired)
     }
 
     /// Goes along the step as far as is good. Between two trials `expired` is asked whether the
@@ -475,41 +492,6 @@ impl Sqp {
     fn give_up(&self, plan: &mut Solution) -> Search {
         plan.copy_from(&self.base);
         Search::Expired
-    }
-
-    /// Halves the step until the merit function decreases.
-    #[inline(never)]
-    fn backtrack(
-        &mut self,
-        model: &mut Horizon,
-        input: StepInput<'_>,
-        plan: &mut Solution,
-        (from, whole): (Point, Point),
-        expired: &mut dyn FnMut() -> bool,
-    ) -> Search {
-        self.merit.update_penalties(&self.step.multipliers);
-        let start = self.merit.value(&self.qp, from.cost);
-        let slope = self.merit.directional_derivative(&self.qp, &self.step).min(0.0);
-        // What rounding makes of sums of this size.
-        let noise = 1e-14 * start.abs();
-        let (mut point, mut length) = (whole, 1.0);
-        for _ in 0..HALVINGS {
-            let merit = self.merit.value(&self.trial, point.cost);
-            if merit <= start + SUFFICIENT * length * slope + noise {
-                self.accept_trial(length);
-                return Search::Found(point);
-            }
-            if expired() {
-                return self.give_up(plan);
-            }
-            length *= 0.5;
-            match self.evaluate_trial(model, input, plan, length, expired) {
-                Some(shorter) => point = shorter,
-                None => return self.give_up(plan),
-            }
-        }
-        plan.copy_from(&self.base);
-        Search::NoDescent
     }
 
     /// Sets the plan `length` of the step away from the base, and linearizes there, unless

@@ -174,17 +174,17 @@ fn sharp(qp: QpMethod) -> SqpConfig {
 /// Where the last cases begin: do-mpc's reactor over 20 steps, with a flat cost.
 const LONG: usize = 54;
 
-/// The one of them that begins above its soft limit of temperature.
-const HOT: usize = 55;
+/// The ones of them that begin above their soft limit of temperature.
+const HOT: [usize; 2] = [55, 57];
 
 #[test]
 fn first_inputs_are_those_of_ipopt() {
     for method in [QpMethod::Auto, QpMethod::Clarabel] {
         let all = cases(sharp(method));
-        assert_eq!(all.len(), 57);
+        assert_eq!(all.len(), 58);
         for (i, Case { name, mut nmpc, x, reference, u, .. }) in all.into_iter().enumerate() {
             // Clarabel alone does not solve the long ones.
-            if i == HOT || i >= LONG && method == QpMethod::Clarabel {
+            if i >= LONG && method == QpMethod::Clarabel {
                 continue;
             }
             let step = nmpc.step(&x, &reference).unwrap();
@@ -194,21 +194,9 @@ fn first_inputs_are_those_of_ipopt() {
                 let off = (found - expected).abs() / (1.0 + expected.abs());
                 assert!(off < allowed, "{name}: {found} {expected}");
             }
-            assert!(i < LONG || step.sqp_iterations < 12, "{name}: {}", step.sqp_iterations);
+            let most = if HOT.contains(&i) { 25 } else { 12 };
+            assert!(i < LONG || step.sqp_iterations < most, "{name}: {}", step.sqp_iterations);
         }
-    }
-}
-
-/// The Gauss-Newton Hessian lacks the curvature of a violated limit, so that steps stay short: the
-/// first input is right long before the plan is optimal.
-#[test]
-fn a_start_above_a_soft_limit_has_the_right_first_input() {
-    let config = SqpConfig { max_iterations: 60, ..SqpConfig::default() };
-    let Case { mut nmpc, x, reference, u, .. } = cases(config).swap_remove(HOT);
-    let step = nmpc.step(&x, &reference).unwrap();
-    assert!(step.followed, "{:?}", step.kkt);
-    for (found, expected) in step.u.iter().zip(&u) {
-        assert!((found - expected).abs() < 1e-6 * (1.0 + expected.abs()), "{found} {expected}");
     }
 }
 

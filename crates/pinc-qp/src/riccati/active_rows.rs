@@ -73,6 +73,8 @@ pub(super) enum RowStatus {
 pub(super) struct ActiveRows {
     statuses: Vec<RowStatus>,
     stiffness: f64,
+    /// For programs whose Hessian stays.
+    constant_stiffness: f64,
     /// What all solutions took.
     pub(super) work: QpWork,
     /// How many steps it may still take.
@@ -87,6 +89,7 @@ impl ActiveRows {
         Self {
             statuses: vec![RowStatus::Inactive; Rows::new(qp.dims).len()],
             stiffness: stiffness(qp),
+            constant_stiffness: stiffness(qp),
             work: QpWork::default(),
             steps_left: 0,
             hasty: false,
@@ -128,9 +131,10 @@ impl ActiveRows {
     ) -> bool {
         self.steps_left = patience.steps;
         self.hasty = patience != Patience::ENDLESS;
-        if qp.has_stage_cost() {
-            self.stiffness = stiffness(qp);
-        }
+        self.stiffness = match qp.has_stage_cost() {
+            true => stiffness(qp),
+            false => self.constant_stiffness,
+        };
         let mut most = usize::MAX;
         for change in 0..CHANGES {
             if change > 0 && expired() {

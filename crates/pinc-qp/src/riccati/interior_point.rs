@@ -56,6 +56,8 @@ pub(super) struct InteriorPoint {
     /// Rows and bounds.
     equalities: Vec<(usize, f64)>,
     stiffness: f64,
+    /// For programs whose Hessian stays.
+    constant_stiffness: f64,
     /// What all solutions took.
     pub(super) work: QpWork,
 }
@@ -166,6 +168,7 @@ impl InteriorPoint {
             sides: Vec::with_capacity(2 * rows),
             equalities: Vec::with_capacity(rows),
             stiffness: STIFFNESS * stiffness(qp),
+            constant_stiffness: STIFFNESS * stiffness(qp),
             work: QpWork::default(),
         }
     }
@@ -178,9 +181,10 @@ impl InteriorPoint {
         at: &mut Newton,
         expired: &mut dyn FnMut() -> bool,
     ) -> Ending {
-        if qp.has_stage_cost() {
-            self.stiffness = STIFFNESS * stiffness(qp);
-        }
+        self.stiffness = match qp.has_stage_cost() {
+            true => STIFFNESS * stiffness(qp),
+            false => self.constant_stiffness,
+        };
         self.gather(qp);
         if !self.begin(qp, at, expired) {
             return Ending::Failed;

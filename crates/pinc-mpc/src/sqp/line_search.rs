@@ -1,0 +1,98 @@
+//! How far to go along a step where the residual does not say so.
+
+use super::hessian::Hessian;
+use super::{Point, Search, Sqp, StepInput};
+use crate::horizon::Horizon;
+use crate::solution::Solution;
+use pinc_qp::{QpSolver, QpStatus, RowBlock};
+
+/// The part of the promised decrease of the merit function that a step must bring.
+const SUFFICIENT: f64 = 1e-4;
+/// How often a step is halved.
+const HALVINGS: usize = 20;
+
+impl Sqp {
+    /// Halves the step until the merit function decreases.
+    #[inline(never)]
+    pub(super) fn backtrack(
+        &mut self,
+        model: &mut Horizon,
+        input: StepInput<'_>,
+        plan: &mut Solution,
+        (from, whole): (Point, Point),
+        expired: &mut dyn FnMut() -> bool,
+    ) -> Search {
+        self.merit.update_penalties(&self.step.multipliers);
+        let start = self.merit.value(&self.qp, from.cost);
+        let slope = self.merit.directional_derivative(&self.qp, &self.step).min(0.0);
+        // What rounding makes of sums of this size.
+        let noise = 1e-14 * start.abs();
+        let (mut point, mut length) = (whole, 1.0);
+        for halving in 0..HALVINGS {
+            let merit = self.merit.value(&self.trial, point.cost);
+            if halving == 0 && merit > start + SUFFICIENT * slope + noise && self.corrects(expired)
+            {
+                // Nothing is lost but time if it is no better.
+                match self.evaluate_trial(model, input, plan, 1.0, expired) {
+                    Some(corrected)
+                        if self.merit.value(&self.trial, corrected.cost)
+                            <= start + SUFFICIENT * slope + noise =>
+                    {
+                        self.accept_trial(1.0);
+                        return Search::Found(corrected);
+                    }
+                    Some(_) => std::mem::swap(&mut self.step, &mut self.other_step),
+                    None => return self.give_up(plan),
+                }
+            }
+            if merit <= start + SUFFICIENT * length * slope + noise {
+                self.accept_trial(length);
+                return Search::Found(point);
+            }
+            if expired() {
+                return self.give_up(plan);
+            }
+            length *= 0.5;
+            match self.evaluate_trial(model, input, plan, length, expired) {
+                Some(shorter) => point = shorter,
+                None => return self.give_up(plan),
+            }
+        }
+        plan.copy_from(&self.base);
+        Search::NoDescent
+    }
+
+    /// The second-order correction of the step, which takes its place: the program with the dynamics
+    /// and rows as they are at the end of the step, so that their curvature does not make the merit
+    /// function refuse it. Only where an iteration has been slow; whether there is one. Reference:
+    /// Nocedal and Wright, *Numerical Optimization*, section 18.3.
+    fn corrects(&mut self, expired: &mut dyn FnMut() -> bool) -> bool {
+        if !self.hessian.has_changed() {
+            return false;
+        }
+        if self.hessian.current() == Hessian::GaussNewton {
+            self.curved.copy_from(&self.qp);
+        }
+        let (program, trial, d) = (&mut self.curved, &self.trial, &self.step.d);
+        program.c.iter_mut().zip(&trial.c).for_each(|(c, defect)| *c += defect);
+        let dims = program.dims;
+        for RowBlock { rows, state, input } in dims.all_row_blocks() {
+            for row in rows {
+                let [by_x, by_u] = program.row_jacobians(row..row + 1);
+                let dx = dims.state(state).map_or(&[][..], |state| &d[state]);
+                let moved: f64 = by_x.iter().zip(dx).map(|(a, b)| a * b).sum();
+                let moved =
+                    moved + by_u.iter().zip(&d[dims.input(input)]).map(|(a, b)| a * b).sum::<f64>();
+                program.rows.low[row] = trial.rows.low[row] + moved;
+                program.rows.high[row] = trial.rows.high[row] + moved;
+            }
+        }
+        self.other_step.multipliers.copy_from(&self.step.multipliers);
+        let status = self.solver.solve(program, &mut self.other_step, expired);
+        let solved = status == QpStatus::Solved;
+        if solved {
+            std::mem::swap(&mut self.step, &mut self.other_step);
+        }
+        solved
+    }
+}

@@ -1,0 +1,49 @@
+//! How an optimization ends.
+
+use crate::SqpStatus;
+use crate::constraint::Constraint;
+use crate::kkt::KktResidual;
+
+/// What came of an optimization.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Outcome {
+    pub(crate) status: SqpStatus,
+    pub(crate) iterations: usize,
+    /// The residual at the end.
+    pub(crate) last: KktResidual,
+    /// What is in the way, if hard constraints had to be made soft and are violated.
+    pub(crate) violated: Option<Constraint>,
+    /// What is known of the plan.
+    pub(crate) plan_state: PlanState,
+    /// Whether the plan is not known to be a minimum, since the cost's curvature is negative there;
+    /// without convergence, whether the last program had to be made convex.
+    pub(crate) curvature_dropped: bool,
+    /// The cost of the last plan that was evaluated.
+    pub(crate) cost: f64,
+}
+
+impl Outcome {
+    /// The time was up before the first linearization was complete.
+    pub(super) fn expired_at_once() -> Self {
+        Self {
+            status: SqpStatus::Deadline,
+            iterations: 0,
+            last: KktResidual::unknown(),
+            violated: None,
+            plan_state: PlanState::Evaluated,
+            curvature_dropped: false,
+            cost: f64::NAN,
+        }
+    }
+}
+
+/// What is known of the plan that an optimization ends with.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum PlanState {
+    /// The residual is the plan's own.
+    Evaluated,
+    /// The time was up when a QP had been solved: the plan is its solution, not linearized at.
+    Stepped,
+    /// The time was up within a QP: the plan is on the way to its solution.
+    Partial,
+}

@@ -1,0 +1,583 @@
+//! Quadratic programs made convex where they are not.
+
+use crate::algebra::block_mut;
+use crate::{Limits, Multipliers, OcpDims, Qp};
+
+/// An eigenvalue this far below 0, in terms of the largest entry, is negative and not rounding.
+const NEGATIVE: f64 = 1e-9;
+
+/// The least curvature by an input: as part of the largest entry of its own block, and as part of
+/// the cost's largest slope, so that a step along it is long but finite.
+const LEAST: [f64; 2] = [1e-9, 1e-7];
+
+/// A multiplier of a bound above this says that the bound stays active.
+const ACTIVE: f64 = 1e-7;
+
+/// The curvature that keeps a row at its limit, in terms of the Hessian's largest entry: in a program
+/// that is solved, and where only the sign of other curvature matters.
+const HELD: [f64; 2] = [1e4, 1e8];
+
+/// Makes a program convex on its dynamics: the Riccati recursion over (`dx_j`, `du_{j-1}`), as the
+/// stage-wise method has it, in which the curvature by the increment of a stage,
+///
+/// ```text
+/// G = R_j + T_j + .. + B'P B + ..
+/// ```
+///
+/// must be positive definite. Where it is not, its negative eigenvalues lambda become `|lambda|`
+/// (and small ones a little positive), and `T_j` gets the difference. The Hessians of the states
+/// may stay indefinite: where G is positive definite at all stages, the program is left as it is
+/// and has one solution.
+///
+/// Before that, a program that is not convex may get curvature along its active rows, c'd = r for one
+/// with a multiplier: `rho (c'd - r)^2 / 2`, which is 0 at a solution that keeps the row active, like
+/// the term of an augmented Lagrangian. So curvature is changed only in directions that the active rows
+/// leave free. Reference: Nocedal and Wright, *Numerical Optimization*, section 17.3.
+#[derive(Debug)]
+pub struct Convexifier {
+    /// M and then P of each node, `[N + 1, n + m, n + m]`.
+    cost_to_go: Vec<f64>,
+    product: Vec<f64>,
+    /// F'P F of a stage.
+    merged: Vec<f64>,
+    /// F, `[n, n + m]`.
+    model: Vec<f64>,
+    /// G, `[m, m]`, its eigenvalues, or its factor.
+    pivot: Vec<f64>,
+    vectors: Vec<f64>,
+    /// `G^-1 M_u:`, `[m, n + m]`.
+    gain: Vec<f64>,
+    holds: bool,
+}
+
+impl Convexifier {
+    /// For programs of these sizes.
+    #[must_use]
+    pub fn new(dims: OcpDims) -> Self {
+        let (n, m) = (dims.nx, dims.nu);
+        let s = n + m;
+        Self {
+            cost_to_go: vec![0.0; (dims.horizon + 1) * s * s],
+            product: vec![0.0; s * s],
+            merged: vec![0.0; s * s],
+            model: vec![0.0; n * s],
+            pivot: vec![0.0; m * m],
+            vectors: vec![0.0; m * m],
+            gain: vec![0.0; m * s],
+            holds: false,
+        }
+    }
+
+    /// Whether the last program had to have its active rows held: it is then wrong if its solution
+    /// has other ones.
+    #[must_use]
+    pub fn holds(&self) -> bool {
+        self.holds
+    }
+
+    /// Whether `qp`, whose Hessian is overwritten, has negative curvature along a step that keeps the
+    /// rows with multipliers active: if not, a plan that meets the first-order conditions is a
+    /// minimum.
+    pub fn finds_descent(&mut self, qp: &mut Qp, multipliers: &Multipliers) -> bool {
+        hold(qp, multipliers, HELD[1]);
+        self.recur(qp, true)
+    }
+
+    /// Makes `qp`, which has a stage cost, convex; whether negative curvature was dropped. Active rows
+    /// are held, if need be, where their `multipliers` are known.
+    pub fn apply(&mut self, qp: &mut Qp, multipliers: Option<&Multipliers>) -> bool {
+        self.holds = false;
+        if let Some(multipliers) = multipliers {
+            if !self.recur(qp, true) {
+                return false;
+            }
+            hold(qp, multipliers, HELD[0]);
+            self.holds = true;
+        }
+        self.recur(qp, false)
+    }
+
+    /// The recursion; whether curvature was negative. If so, it may end there.
+    fn recur(&mut self, qp: &mut Qp, ends: bool) -> bool {
+        let dims = qp.dims;
+        let (n, m) = (dims.nx, dims.nu);
+        let s = n + m;
+        let slope = qp.gradient.iter().fold(0.0_f64, |most, g| most.max(g.abs()));
+        let mut dropped = false;
+        self.cost_to_go.fill(0.0);
+        for node in (0..=dims.horizon).rev() {
+            let (before, here) = self.cost_to_go.split_at_mut(node * s * s);
+            let here = &mut here[..s * s];
+            if node > 0 {
+                add_cross(here, qp.s(node), (n, m));
+            }
+            if node < dims.n_controls {
+                let own = node * m * m..(node + 1) * m * m;
+                for (k, row) in qp.t[own.clone()].chunks_exact(m).enumerate() {
+                    let to = &mut here[(n + k) * s + n..(n + k + 1) * s];
+                    to.iter_mut().zip(row).for_each(|(to, t)| *to += t);
+                }
+                let (r, t) = (&qp.r[own.clone()], &mut qp.t[own]);
+                let work = [&mut self.pivot[..], &mut self.vectors];
+                dropped |= correct((r, slope), t, work, (here, n), ends);
+                if dropped && ends {
+                    return true;
+                }
+                eliminate(r, [&mut self.pivot, &mut self.gain], here, (n, m));
+            }
+            let Some(stage) = node.checked_sub(1) else { break };
+            for (i, row) in qp.q(node).chunks_exact(n).enumerate() {
+                let to = &mut here[i * s..i * s + n];
+                to.iter_mut().zip(row).for_each(|(to, q)| *to += q);
+            }
+            add_cross(here, qp.s_before(node), (n, m));
+            let b = &qp.b[stage * n * m..node * n * m];
+            write_model(&mut self.model, qp.a(stage), b, (n, m));
+            merge(here, &self.model, &mut self.product, &mut self.merged, n);
+            let origin = block_mut(before, dims.origin(stage), s * s);
+            origin.iter_mut().zip(&self.merged).for_each(|(to, from)| *to += from);
+        }
+        dropped
+    }
+}
+
+/// Holds the rows with multipliers by curvature, a multiple of the largest entry of the Hessian.
+fn hold(qp: &mut Qp, multipliers: &Multipliers, multiple: f64) {
+    let entries = qp.q.iter().chain(&qp.t).chain(&qp.r);
+    let rho = multiple * entries.fold(1.0_f64, |most, entry| most.max(entry.abs()));
+    let OcpDims { nx: n, nu: m, .. } = qp.dims;
+    let states = qp.dims.all_states();
+    let Qp { q, t, r, gradient, bounds, increments, dims, .. } = qp;
+    for (v, mu) in multipliers.bounds.iter().enumerate() {
+        let Some(limit) = held_at(bounds, v, *mu) else { continue };
+        gradient[v] -= rho * limit;
+        match v.checked_sub(states) {
+            None => q[(v / n * n + v % n) * n + v % n] += rho,
+            Some(v) => t[(v / m * m + v % m) * m + v % m] += rho,
+        }
+    }
+    for (v, nu) in multipliers.increments.iter().enumerate() {
+        let Some(limit) = held_at(increments, v, *nu) else { continue };
+        gradient[states + v] -= rho * limit;
+        if let Some(before) = dims.entry_before(v) {
+            gradient[states + before] += rho * limit;
+        }
+        r[(v / m * m + v % m) * m + v % m] += rho;
+    }
+    for row in 0..multipliers.rows.len() {
+        if let Some(limit) = held_at(&qp.rows, row, multipliers.rows[row]) {
+            hold_row(qp, row, (rho, limit));
+        }
+    }
+}
+
+/// The limit at which a row with a multiplier stays; `None` if it is not active, or violated.
+fn held_at(limits: &Limits, row: usize, multiplier: f64) -> Option<f64> {
+    let active = multiplier.abs() > ACTIVE && multiplier.abs() < limits.penalty[row] - ACTIVE;
+    let limit = if multiplier > 0.0 { limits.high[row] } else { limits.low[row] };
+    (active && limit.is_finite()).then_some(limit)
+}
+
+/// Holds a row of h, g or outputs.
+fn hold_row(qp: &mut Qp, row: usize, (rho, limit): (f64, f64)) {
+    let OcpDims { nx: n, nu: m, .. } = qp.dims;
+    let (node, input) = qp.dims.row_place(row);
+    let Qp { dims, q, s, s_before, t, gradient, rows_x, rows_u, .. } = qp;
+    let (by_x, by_u) = (&rows_x[row * n..(row + 1) * n], &rows_u[row * m..(row + 1) * m]);
+    let add = |to: &mut [f64], left: &[f64], right: &[f64]| {
+        for (to, left) in to.chunks_exact_mut(right.len()).zip(left) {
+            to.iter_mut().zip(right).for_each(|(to, right)| *to += rho * left * right);
+        }
+    };
+    let push = |to: &mut [f64], by: &[f64]| {
+        to.iter_mut().zip(by).for_each(|(to, by)| *to -= rho * limit * by);
+    };
+    push(&mut gradient[dims.input(input)], by_u);
+    add(&mut t[input * m * m..(input + 1) * m * m], by_u, by_u);
+    let Some(state) = node.checked_sub(1) else { return };
+    push(&mut gradient[dims.next_state(state)], by_x);
+    add(&mut q[state * n * n..(state + 1) * n * n], by_x, by_x);
+    let cross = if input == dims.acting(node) { s } else { s_before };
+    // Without feedthrough a row has no input in it.
+    if let Some(cross) = cross.get_mut(state * m * n..(state + 1) * m * n) {
+        add(cross, by_u, by_x);
+    }
+}
+
+impl Qp {
+    /// Whether the rows that are active, and not violated, are the same by two sets of multipliers.
+    #[must_use]
+    pub fn has_same_active(&self, one: &Multipliers, other: &Multipliers) -> bool {
+        let parts = [
+            (&self.bounds, &one.bounds, &other.bounds),
+            (&self.increments, &one.increments, &other.increments),
+            (&self.rows, &one.rows, &other.rows),
+        ];
+        parts.into_iter().all(|(limits, one, other)| {
+            let mut pairs = one.iter().zip(other).enumerate();
+            pairs.all(|(row, (a, b))| held_at(limits, row, *a) == held_at(limits, row, *b))
+        })
+    }
+}
+
+/// F = (A B).
+fn write_model(model: &mut [f64], a: &[f64], b: &[f64], (n, m): (usize, usize)) {
+    for (i, row) in model.chunks_exact_mut(n + m).enumerate() {
+        row[..n].copy_from_slice(&a[i * n..(i + 1) * n]);
+        row[n..].copy_from_slice(&b[i * m..(i + 1) * m]);
+    }
+}
+
+/// M = F'P F, with F = (A B; 0 I).
+fn merge(p: &[f64], model: &[f64], product: &mut [f64], merged: &mut [f64], n: usize) {
+    let s = model.len() / n;
+    // P F
+    for (row, p) in product.chunks_exact_mut(s).zip(p.chunks_exact(s)) {
+        row[..n].fill(0.0);
+        row[n..].copy_from_slice(&p[n..]);
+        for (p, model) in p[..n].iter().zip(model.chunks_exact(s)) {
+            row.iter_mut().zip(model).for_each(|(to, f)| *to += p * f);
+        }
+    }
+    // F'(P F)
+    merged[..n * s].fill(0.0);
+    merged[n * s..].copy_from_slice(&product[n * s..]);
+    for (model, product) in model.chunks_exact(s).zip(product.chunks_exact(s)) {
+        for (f, to) in model.iter().zip(merged.chunks_exact_mut(s)) {
+            to.iter_mut().zip(product).for_each(|(to, p)| *to += f * p);
+        }
+    }
+    for i in 0..s {
+        for k in 0..i {
+            let mean = 0.5 * (merged[i * s + k] + merged[k * s + i]);
+            merged[i * s + k] = mean;
+            merged[k * s + i] = mean;
+        }
+    }
+}
+
+/// Makes G positive definite by changing `t` and M, unless it `ends` at a negative eigenvalue; whether
+/// there was one.
+fn correct(
+    (r, slope): (&[f64], f64),
+    t: &mut [f64],
+    [pivot, vectors]: [&mut [f64]; 2],
+    (cost_to_go, n): (&mut [f64], usize),
+    ends: bool,
+) -> bool {
+    let m = vectors.len().isqrt();
+    let s = n + m;
+    let mut size = 0.0_f64;
+    for (k, row) in pivot.chunks_exact_mut(m).enumerate() {
+        let own = &cost_to_go[(n + k) * s + n..(n + k + 1) * s];
+        for ((to, own), r) in row.iter_mut().zip(own).zip(&r[k * m..]) {
+            *to = own + r;
+            size = size.max(to.abs());
+        }
+    }
+    diagonalize(pivot, vectors, m);
+    let least = (LEAST[0] * size).max(LEAST[1] * slope).max(f64::MIN_POSITIVE);
+    let negative = -(NEGATIVE * size).max(least);
+    let dropped = pivot.iter().step_by(m + 1).any(|value| *value < negative);
+    if dropped && ends {
+        return true;
+    }
+    for e in 0..m {
+        let value = pivot[e * m + e];
+        if value >= least {
+            continue;
+        }
+        let change = value.abs().max(least) - value;
+        for i in 0..m {
+            for k in 0..m {
+                let part = change * vectors[i * m + e] * vectors[k * m + e];
+                t[i * m + k] += part;
+                cost_to_go[(n + i) * s + n + k] += part;
+            }
+        }
+    }
+    dropped
+}
+
+/// Minimizes over the increment: M becomes `M - M_:u G^-1 M_u:`.
+fn eliminate(
+    r: &[f64],
+    [pivot, gain]: [&mut [f64]; 2],
+    cost_to_go: &mut [f64],
+    (n, m): (usize, usize),
+) {
+    let s = n + m;
+    for (k, row) in pivot.chunks_exact_mut(m).enumerate() {
+        let own = &cost_to_go[(n + k) * s + n..(n + k + 1) * s];
+        row.iter_mut().zip(own).zip(&r[k * m..]).for_each(|((to, own), r)| *to = own + r);
+    }
+    gain.copy_from_slice(&cost_to_go[n * s..]);
+    // L L' = G and L^-1 M_u:
+    for i in 0..m {
+        for k in 0..=i {
+            let sum: f64 = (0..k).map(|l| pivot[i * m + l] * pivot[k * m + l]).sum();
+            let left = pivot[i * m + k] - sum;
+            pivot[i * m + k] =
+                if i == k { left.max(f64::MIN_POSITIVE).sqrt() } else { left / pivot[k * m + k] };
+        }
+        let (before, here) = gain.split_at_mut(i * s);
+        let row = &mut here[..s];
+        for (k, before) in before.chunks_exact(s).enumerate() {
+            let factor = pivot[i * m + k];
+            row.iter_mut().zip(before).for_each(|(to, from)| *to -= factor * from);
+        }
+        row.iter_mut().for_each(|to| *to /= pivot[i * m + i]);
+    }
+    for gain in gain.chunks_exact(s) {
+        for (factor, to) in gain.iter().zip(cost_to_go.chunks_exact_mut(s)) {
+            to.iter_mut().zip(gain).for_each(|(to, gain)| *to -= factor * gain);
+        }
+    }
+}
+
+/// Adds `[m, n]` products of an input and a state.
+fn add_cross(to: &mut [f64], products: Option<&[f64]>, (n, m): (usize, usize)) {
+    let s = n + m;
+    for (k, row) in products.into_iter().flat_map(|of| of.chunks_exact(n)).enumerate() {
+        for (i, entry) in row.iter().enumerate() {
+            to[i * s + n + k] += entry;
+            to[(n + k) * s + i] += entry;
+        }
+    }
+}
+
+/// Jacobi's method: the eigenvalues of a symmetric matrix go to its diagonal, the eigenvectors to
+/// the columns of `vectors`. Reference: Golub and Van Loan, *Matrix Computations*, section 8.5.
+fn diagonalize(matrix: &mut [f64], vectors: &mut [f64], m: usize) {
+    vectors.fill(0.0);
+    vectors.iter_mut().step_by(m + 1).for_each(|diagonal| *diagonal = 1.0);
+    for _ in 0..30 {
+        let mut rotated = false;
+        for i in 1..m {
+            for k in 0..i {
+                let off = matrix[i * m + k];
+                let [a, b] = [matrix[k * m + k], matrix[i * m + i]];
+                if off.abs() <= f64::EPSILON * (a.abs() * b.abs()).sqrt() + f64::MIN_POSITIVE {
+                    continue;
+                }
+                rotated = true;
+                let tau = (b - a) / (2.0 * off);
+                let t = tau.signum() / (tau.abs() + tau.hypot(1.0));
+                let c = 1.0 / t.hypot(1.0);
+                rotate(matrix, vectors, m, [k, i], [c, t * c]);
+            }
+        }
+        if !rotated {
+            return;
+        }
+    }
+}
+
+/// Rotates the plane of two axes.
+fn rotate(matrix: &mut [f64], vectors: &mut [f64], m: usize, [k, i]: [usize; 2], [c, s]: [f64; 2]) {
+    let turn = |of: &mut [f64], one: usize, other: usize| {
+        let [a, b] = [of[one], of[other]];
+        (of[one], of[other]) = (c * a - s * b, s * a + c * b);
+    };
+    for row in 0..m {
+        turn(matrix, row * m + k, row * m + i);
+    }
+    for column in 0..m {
+        turn(matrix, k * m + column, i * m + column);
+        turn(vectors, column * m + k, column * m + i);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Two states, two inputs of which the second is held for two stages, three stages.
+    fn program(curvature: f64) -> Qp {
+        let dims = OcpDims {
+            nx: 2,
+            nu: 2,
+            horizon: 3,
+            n_controls: 2,
+            tree: crate::Tree::CHAIN,
+            n1: 1,
+            inequalities: 0,
+            equalities: 0,
+            outputs: 0,
+            feedthrough: 0,
+        };
+        let mut qp = Qp::new(dims, vec![0.0; 12], [1.0, 0.2, 0.2, 0.5].repeat(2)).with_end_cost();
+        let numbers = |count: usize, shift: f64| -> Vec<f64> {
+            (0..count).map(|i| (1.7 * f64::from(u32::try_from(i).unwrap()) + shift).sin()).collect()
+        };
+        (qp.a, qp.b, qp.s, qp.s_before) =
+            (numbers(12, 0.3), numbers(12, 1.1), numbers(12, 2.0), numbers(12, 0.7));
+        // Indefinite by itself.
+        qp.q = [-0.8, 0.3, 0.3, 1.5].repeat(3);
+        qp.t = [curvature, 0.4, 0.4, curvature].repeat(2);
+        qp.gradient = numbers(10, 0.1);
+        qp
+    }
+
+    /// d'H d of the step in which the inputs move by `u`.
+    fn curvature(qp: &Qp, u: &[f64]) -> f64 {
+        let form = |h: &[f64], a: &[f64], b: &[f64]| -> f64 {
+            let rows = h.chunks_exact(b.len()).zip(a);
+            rows.map(|(row, a)| a * row.iter().zip(b).map(|(h, b)| h * b).sum::<f64>()).sum()
+        };
+        let (mut x, mut sum) = (vec![0.0; 2], 0.0);
+        for j in 0..3 {
+            let now = &u[2 * j.min(1)..2 * j.min(1) + 2];
+            let next: Vec<f64> = (0..2)
+                .map(|i| {
+                    let (a, b) =
+                        (&qp.a(j)[2 * i..2 * i + 2], &qp.b[4 * j + 2 * i..4 * j + 2 * i + 2]);
+                    a[0] * x[0] + a[1] * x[1] + b[0] * now[0] + b[1] * now[1]
+                })
+                .collect();
+            x = next;
+            let after = &u[2 * (j + 1).min(1)..2 * (j + 1).min(1) + 2];
+            sum += form(qp.q(j + 1), &x, &x);
+            sum += 2.0 * form(qp.s(j + 1).unwrap(), after, &x);
+            sum += 2.0 * form(qp.s_before(j + 1).unwrap(), now, &x);
+        }
+        let (first, last) = (&u[..2], &u[2..]);
+        let moved = [last[0] - first[0], last[1] - first[1]];
+        sum + form(qp.t(0).unwrap(), first, first)
+            + form(qp.t(1).unwrap(), last, last)
+            + form(qp.r(0), first, first)
+            + form(qp.r(1), &moved, &moved)
+    }
+
+    /// The least curvature along the eigenvectors of the Hessian in the inputs.
+    fn least(qp: &Qp) -> f64 {
+        let unit = |i: usize, k: usize| {
+            let mut u = [0.0; 4];
+            (u[i], u[k]) = (1.0, 1.0);
+            curvature(qp, &u)
+        };
+        let mut matrix = vec![0.0; 16];
+        for i in 0..4 {
+            for k in 0..4 {
+                let both =
+                    if i == k { 2.0 * unit(i, i) } else { unit(i, k) - unit(i, i) - unit(k, k) };
+                matrix[4 * i + k] = 0.5 * both;
+            }
+        }
+        let mut vectors = vec![0.0; 16];
+        diagonalize(&mut matrix, &mut vectors, 4);
+        (0..4).map(|i| matrix[5 * i]).fold(f64::INFINITY, f64::min)
+    }
+
+    #[test]
+    fn a_program_with_one_minimum_is_left_as_it_is() {
+        let mut qp = program(9.0);
+        let t = qp.t.clone();
+        assert!(least(&qp) > 0.1, "{}", least(&qp));
+        assert!(!Convexifier::new(qp.dims).apply(&mut qp, None));
+        assert_eq!(qp.t, t);
+    }
+
+    /// Whether the program is changed is whether its Hessian in the inputs has a negative
+    /// eigenvalue, which it has no more afterwards.
+    #[test]
+    fn negative_curvature_is_found_and_dropped() {
+        let mut changed = 0;
+        for step in -20..40 {
+            let mut qp = program(0.25 * f64::from(step));
+            let before = least(&qp);
+            let dropped = Convexifier::new(qp.dims).apply(&mut qp, None);
+            assert_eq!(dropped, before < 0.0, "{step}: {before}");
+            assert!(least(&qp) > 0.0, "{step}: {}", least(&qp));
+            changed += usize::from(dropped);
+        }
+        assert!((10..50).contains(&changed), "{changed}");
+    }
+
+    /// What is kept by an active bound does not count.
+    #[test]
+    fn active_bounds_hide_curvature() {
+        let mut qp = program(9.0);
+        qp.t[0] = -40.0;
+        let mut multipliers = Multipliers::new(qp.dims);
+        assert!(Convexifier::new(qp.dims).finds_descent(&mut qp.clone(), &multipliers));
+        multipliers.bounds[6] = -0.5;
+        (qp.bounds.low[6], qp.bounds.penalty[6]) = (-0.1, 0.5);
+        // A violated bound keeps nothing.
+        assert!(Convexifier::new(qp.dims).finds_descent(&mut qp.clone(), &multipliers));
+        qp.bounds.penalty[6] = 0.6;
+        assert!(!Convexifier::new(qp.dims).finds_descent(&mut qp.clone(), &multipliers));
+    }
+
+    /// The solution of a program whose rows of each kind are active stays what it is, and the program
+    /// becomes convex without a change of other curvature.
+    #[test]
+    fn active_rows_are_held_where_they_are() {
+        for kind in 0..4 {
+            let mut qp = program(9.0);
+            let dims = OcpDims { inequalities: 1, ..qp.dims };
+            qp = Qp {
+                dims,
+                rows: Limits::none(3),
+                rows_x: vec![0.0; 6],
+                rows_u: vec![0.0; 6],
+                ..qp
+            };
+            let mut multipliers = Multipliers::new(dims);
+            // The first input moves by 0.3.
+            match kind {
+                0 => {
+                    (qp.bounds.high[6], multipliers.bounds[6]) = (0.3, 2.0);
+                }
+                1 => {
+                    (qp.increments.low[0], multipliers.increments[0]) = (0.3, -2.0);
+                }
+                2 => {
+                    // A state that only this input moves.
+                    (qp.a, qp.b) = (vec![0.0; 12], vec![0.0; 12]);
+                    qp.b[0] = 1.0;
+                    (qp.bounds.high[0], multipliers.bounds[0]) = (0.3, 2.0);
+                }
+                _ => {
+                    // 2 u + x of the next stage.
+                    (qp.a, qp.b) = (vec![0.0; 12], vec![0.0; 12]);
+                    (qp.rows_x[0], qp.rows_u[0], qp.rows_u[1]) = (1.0, 0.0, 0.0);
+                    qp.b[0] = 2.0;
+                    (qp.rows.high[0], multipliers.rows[0]) = (0.6, 2.0);
+                }
+            }
+            let moved = |qp: &Qp, d: f64| {
+                let x = qp.b[0] * d;
+                let rest = qp.q[0] * x * x + qp.t[0] * d * d + qp.r[0] * d * d;
+                0.5 * rest + qp.gradient[6] * d + qp.gradient[0] * x
+            };
+            qp.t[0] = -40.0;
+            let before = qp.clone();
+            assert!(Convexifier::new(dims).apply(&mut before.clone(), None));
+            assert!(!Convexifier::new(dims).apply(&mut qp, Some(&multipliers)), "{kind}");
+            let change = |d: f64| moved(&qp, d) - moved(&before, d);
+            // rho (d - 0.3)^2 / 2 but for a constant: least at 0.3.
+            let [least, below, above] = [0.3, 0.2, 0.4].map(change);
+            assert!(
+                below > least + 10.0 && above > least + 10.0,
+                "{kind}: {below} {least} {above}"
+            );
+            assert!((above - below).abs() < 1e-9 * above.abs().max(1e6), "{kind}");
+        }
+    }
+
+    #[test]
+    fn eigenvalues_are_those_of_a_known_matrix() {
+        // Q diag(3, -1, 0.5) Q' with rotations Q.
+        let (mut matrix, mut vectors) =
+            (vec![3.0, 0.0, 0.0, 0.0, -1.0, 0.0, 0.0, 0.0, 0.5], vec![0.0; 9]);
+        rotate(&mut matrix, &mut vectors, 3, [0, 2], [0.8, 0.6]);
+        rotate(&mut matrix, &mut vectors, 3, [1, 2], [0.28, 0.96]);
+        diagonalize(&mut matrix, &mut vectors, 3);
+        let mut values = [matrix[0], matrix[4], matrix[8]];
+        values.sort_by(f64::total_cmp);
+        for (found, expected) in values.iter().zip([-1.0, 0.5, 3.0]) {
+            assert!((found - expected).abs() < 1e-14, "{found} {expected}");
+        }
+    }
+}
