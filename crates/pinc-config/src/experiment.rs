@@ -7,6 +7,7 @@ use crate::explain;
 use crate::identify::IdentifySpec;
 use crate::layers::{self, Layers};
 use crate::model_kind::ModelKind;
+use crate::net_weights;
 use crate::one_step::OneStepSpec;
 use crate::plant::PlantSpec;
 use crate::plants::Plants;
@@ -120,6 +121,9 @@ impl Experiment {
         plants: &Plants,
     ) -> Result<Self, ConfigError> {
         let mut layers = Layers::resolve(path, text, sets)?;
+        let dir = path.parent().unwrap_or(Path::new(""));
+        let weights = net_weights::read(&mut layers.table, dir);
+        weights.map_err(|(key, problem)| layers.error(key, problem))?;
         if let Some((key, value)) = layers.first_not_finite() {
             return Err(layers.error(key, Problem::NotFinite(value)));
         }

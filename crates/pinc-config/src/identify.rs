@@ -19,6 +19,25 @@ pub struct IdentifySpec {
     /// Unknown parameters of the plant.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub parameters: Vec<IdentifiedParameter>,
+    /// Nets inside the plant's equations whose weights are unknown.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub nets: Vec<IdentifiedNet>,
+    /// Which error is fitted; if absent, a simulation's, by single or multiple shooting, whichever
+    /// is needed.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub criterion: Option<IdentifyCriterion>,
+    /// Number of starts of the fit within the parameters' bounds, the config's included; if absent,
+    /// 16 if all parameters have bounds or `sd`, and otherwise 1.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub starts: Option<usize>,
+    /// How many starts, beside the config's, are fitted to the end: those that are best after a
+    /// short fit; 4 if absent.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub finished_starts: Option<usize>,
+    /// The first rows of a file that is held out (`--validate`) to which its initial state is
+    /// fitted, and which do not count; 5 if absent.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub validation_rows: Option<usize>,
     /// First guess of the initial state of each file, in the plant's order and units.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub initial_state: Option<Vec<f64>>,
@@ -48,6 +67,32 @@ pub struct IdentifiedParameter {
     /// Upper bound of the parameter; no bound if absent.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub high: Option<f64>,
+    /// Standard deviation of what is known of the parameter beforehand, which is around `initial`;
+    /// nothing is known if absent.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub sd: Option<f64>,
+}
+
+/// A net inside the plant's equations whose weights are identified.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct IdentifiedNet {
+    /// Name of the net.
+    pub name: String,
+    /// Standard deviation that weights are expected to have around 0: smaller values penalize
+    /// weights more. The penalty counts beside residuals in units of `measurement_sd`.
+    pub weight_sd: f64,
+}
+
+/// The error that `pinc identify` makes small.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+#[non_exhaustive]
+pub enum IdentifyCriterion {
+    /// The error of a simulation from the initial state to the end of a file.
+    Simulation,
+    /// The same error, in segments that are fitted first and then joined.
+    MultipleShooting,
 }
 
 impl IdentifySpec {

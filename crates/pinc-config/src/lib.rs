@@ -22,6 +22,7 @@ mod layers;
 mod list;
 mod load;
 mod model_kind;
+mod net_weights;
 mod one_step;
 mod plant;
 mod plants;
@@ -52,7 +53,7 @@ pub use estimator::{
     UnknownParameter,
 };
 pub use experiment::{Experiment, LoopParameters, steps};
-pub use identify::{IdentifiedParameter, IdentifySpec};
+pub use identify::{IdentifiedNet, IdentifiedParameter, IdentifyCriterion, IdentifySpec};
 pub use list::{ListedRun, RunList};
 pub use load::{LoadSpec, PlantInTheLoop};
 pub use model_kind::ModelKind;

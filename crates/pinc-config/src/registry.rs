@@ -11,6 +11,7 @@ impl PlantSpec {
     pub(crate) fn bind(&mut self, plants: &Plants) {
         match self {
             Self::Own(spec) => spec.bind(plants),
+            Self::Expression(equations) => equations.add_net_weights(),
             Self::Process(spec) if plants.processes_are_allowed() => spec.bind(),
             Self::Fmu(spec) if plants.processes_are_allowed() => spec.bind(),
             _ => {}

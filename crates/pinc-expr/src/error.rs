@@ -89,6 +89,17 @@ pub enum ExpressionProblem {
     /// A parameter that no expression has.
     #[error("no expression uses this parameter")]
     UnusedParameter,
+    /// The output of a net that no expression has.
+    #[error("no expression uses this output")]
+    UnusedOutput,
+    /// The parameters of a net's name are not its weights.
+    #[error("{found} weights, expected {expected} for the net of this name")]
+    Weights {
+        /// How many there are.
+        found: usize,
+        /// How many the net has.
+        expected: usize,
+    },
     /// Intermediate expressions that need one another.
     #[error("defined by itself: {}", .0.join(" needs "))]
     Cycle(Vec<String>),

@@ -23,6 +23,7 @@ mod grouped;
 mod implicit;
 mod lexer;
 mod listing;
+mod nets;
 mod parameters;
 mod parser;
 mod plant_graph;
@@ -42,6 +43,7 @@ pub use critical::{CriticalTerm, CriticalTerms, LoneTerm, TermRole};
 pub use error::{Deficiency, Excerpt, ExpressionError, ExpressionProblem};
 pub use graph::Function;
 pub use listing::{Instruction, Listing};
+pub use nets::NetExpression;
 pub use roots::{AlgebraicEquations, AlgebraicRoot, Unsolved, UnsolvedReason};
 pub use rust_plant::into_dyn;
 pub use source::PlantEquations;
@@ -123,6 +125,9 @@ pub struct Equations {
     /// states where there are none.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub outputs: BTreeMap<String, OutputExpression>,
+    /// Small nets, by name, for parts of which no equation is known.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub nets: BTreeMap<String, NetExpression>,
 }
 
 /// An output as text.

@@ -6,8 +6,8 @@
 
 use pinc_ad::Scalar;
 use pinc_identify::{
-    Channel, Diagnosis, FitStatus, IdentifyError, InitialState, Measured, Problem, Recording,
-    Unknown, identify,
+    Channel, Criterion, Diagnosis, FitStatus, IdentifyError, InitialState, Measured, Problem,
+    Recording, Unknown, identify,
 };
 use pinc_ode::{Model, Plant, Rk4, Variable};
 use rand::SeedableRng;
@@ -55,6 +55,7 @@ pub(crate) fn main() -> Result<(), IdentifyError> {
         initial,
         low,
         high,
+        prior: None,
     };
     let problem = Problem {
         channels: vec![Channel {
@@ -67,6 +68,7 @@ pub(crate) fn main() -> Result<(), IdentifyError> {
         initial_state: InitialState::Free(vec![8.0]),
         states: vec!["h".to_owned()],
         inputs: vec!["u".to_owned()],
+        criterion: Criterion::Chosen,
     };
     let record = Recording { name: "record", u: &u, y: &y };
     let found = identify(&mut model, &problem, &[record])?;

@@ -6,8 +6,8 @@
 
 use pinc_ad::Scalar;
 use pinc_identify::{
-    Channel, FitStatus, IdentifyError, InitialState, Measured, Method, Problem, Recording, Unknown,
-    identify,
+    Channel, Criterion, FitStatus, IdentifyError, InitialState, Measured, Method, Problem,
+    Recording, Unknown, identify,
 };
 use pinc_ode::{Model, Plant, Rk4, Variable};
 use rand::SeedableRng;
@@ -62,6 +62,7 @@ pub(crate) fn main() -> Result<(), IdentifyError> {
         initial,
         low: 0.1,
         high: 60.0,
+        prior: None,
     };
     let problem = Problem {
         channels: names.iter().enumerate().map(channel).collect(),
@@ -70,6 +71,7 @@ pub(crate) fn main() -> Result<(), IdentifyError> {
         initial_state: InitialState::Free(vec![-7.0, 6.0, 25.0]),
         states: names.to_vec(),
         inputs: vec!["u".to_owned()],
+        criterion: Criterion::Chosen,
     };
     let record = Recording { name: "record", u: &u, y: &y };
     let found = identify(&mut model, &problem, &[record])?;

@@ -34,7 +34,7 @@ impl Analysis {
     pub(crate) fn of(problem: &Problem, fit: &Fit<'_>) -> Self {
         let columns = Columns::of(problem, fit);
         let unknowns = columns.unknowns.len();
-        let matrix = columns.matrix(fit);
+        let matrix = columns.matrix(problem, fit);
         let empty = Self {
             sd: vec![f64::INFINITY; unknowns],
             correlation: vec![f64::NAN; unknowns * unknowns],
@@ -131,7 +131,7 @@ impl Columns {
         Self { free, unknowns, scale, parameters, count }
     }
 
-    fn matrix(&self, fit: &Fit<'_>) -> Mat<f64> {
+    fn matrix(&self, problem: &Problem, fit: &Fit<'_>) -> Mat<f64> {
         let mut rows: Vec<Vec<f64>> = Vec::new();
         let mut first = self.free.len();
         for (of, factor) in fit.recordings.iter().zip(fit.linear.factors()) {
@@ -145,6 +145,13 @@ impl Columns {
                 rows.push(to);
             }
             first += of.nq;
+        }
+        for (column, &i) in self.free.iter().enumerate() {
+            if let Some(prior) = problem.unknown[i].prior {
+                let mut to = vec![0.0; self.count];
+                to[column] = self.scale[i] / prior.sd;
+                rows.push(to);
+            }
         }
         // At least as many rows as columns, for all right singular vectors.
         let count = rows.len().max(self.count);

@@ -6,6 +6,7 @@ use crate::influence::acting_elsewhere;
 use crate::problem::Problem;
 use crate::result::{ChannelFit, Identified, outputs};
 use crate::trajectory::{Evaluation, Trajectory};
+use crate::whiteness;
 use std::fmt;
 
 /// The half width, as a share of the value, from which on an estimate says little.
@@ -110,6 +111,17 @@ pub enum Diagnosis {
         /// The correlation of neighbouring ones.
         correlation: f64,
     },
+    /// Residuals that depend on an input of some rows before.
+    InputDependent {
+        /// The channel.
+        name: String,
+        /// The input.
+        input: String,
+        /// Their correlation.
+        correlation: f64,
+        /// How many rows before.
+        lag: usize,
+    },
     /// A channel whose values are of another size than the model's at the start.
     Units {
         /// The channel.
@@ -190,6 +202,12 @@ impl fmt::Display for Diagnosis {
                  {correlation:.2}), so that the equations lack something, and the intervals are \
                  too narrow"
             ),
+            Self::InputDependent { name, input, correlation, lag } => write!(
+                f,
+                "{name}: the residuals are correlated with {input} of {lag} rows before \
+                 ({correlation:.2}): the equations lack something that the inputs excite, which a \
+                 net inside them can learn"
+            ),
             Self::Units { name, factor } => write!(
                 f,
                 "{name}: the measurements are about 1e{:.0} times what the model gives: are \
@@ -224,6 +242,7 @@ fn residuals<'a>(
 
 /// What is left of each channel.
 pub(crate) fn channels(problem: &Problem, fit: &Fit<'_>, fitted: &[Vec<f64>]) -> Vec<ChannelFit> {
+    let recordings: Vec<_> = fit.recordings.iter().map(|of| of.recording).collect();
     let channel = |i: usize| {
         let all = residuals(problem, fit, fitted, i);
         let given: Vec<f64> = all.iter().flatten().copied().filter(|r| !r.is_nan()).collect();
@@ -235,6 +254,7 @@ pub(crate) fn channels(problem: &Problem, fit: &Fit<'_>, fitted: &[Vec<f64>]) ->
             measurements: given.len(),
             rms: (squares / count(given.len().max(1))).sqrt(),
             correlation: if squares > 0.0 { products / squares } else { 0.0 },
+            inputs: whiteness::with_inputs(&recordings, &all, problem.inputs.len()),
         }
     };
     (0..problem.channels.len()).map(channel).collect()
@@ -264,6 +284,7 @@ pub(crate) fn findings(
     let before = all.len();
     for (i, channel) in found.channels.iter().enumerate() {
         all.extend(of_a_channel(problem, fit, i, channel));
+        all.extend(input_dependent(problem, channel));
     }
     let doubtful = |finding: &Diagnosis| {
         !matches!(
@@ -323,6 +344,10 @@ fn of_the_unknowns(
         if let Some(side) = estimate.at_bound.filter(|_| sd.is_nan()) {
             all.push(Diagnosis::AtBound { name: name(), side, value: estimate.value });
         }
+        // A prior stands in for what the data do not say.
+        if unknown.prior.is_some() {
+            continue;
+        }
         let share = estimate.half_width.map_or(0.0, |width| width / estimate.value.abs());
         if share > WEAK {
             all.push(Diagnosis::Weak { name: name(), share });
@@ -336,7 +361,8 @@ fn of_the_unknowns(
     for i in 0..problem.unknown.len() {
         for j in 0..i {
             let correlation = analysis.correlation[i * names.len() + j];
-            if correlation.abs() > PAIR {
+            let priors = [i, j].iter().any(|&i| problem.unknown[i].prior.is_some());
+            if correlation.abs() > PAIR && !priors {
                 let names = [names[j].clone(), names[i].clone()];
                 all.push(Diagnosis::Correlated { names, correlation });
             }
@@ -380,6 +406,18 @@ fn of_a_channel(
         all.push(Diagnosis::NotWhite { name: name(), correlation: channel.correlation });
     }
     all
+}
+
+/// The input that the residuals of a channel depend on most, if it is more than chance.
+fn input_dependent(problem: &Problem, of: &ChannelFit) -> Option<Diagnosis> {
+    let cross = of.inputs.iter().zip(&problem.inputs);
+    let (cross, input) = cross.max_by(|(a, _), (b, _)| a.size().total_cmp(&b.size()))?;
+    cross.is_significant().then(|| Diagnosis::InputDependent {
+        name: of.name.clone(),
+        input: input.clone(),
+        correlation: cross.correlation,
+        lag: cross.lag,
+    })
 }
 
 /// The noise of a channel as its second differences have it, if its signal is smooth.

@@ -56,6 +56,8 @@ pub(crate) struct Fit<'a> {
     penalty: f64,
     /// The cost at the start.
     first: f64,
+    /// What the priors add to the cost at the present point.
+    prior_cost: f64,
     /// Where a step might lead.
     trial: Trial,
     block: Block,
@@ -66,6 +68,7 @@ struct Trial {
     p: Vec<f64>,
     nodes: Vec<Vec<f64>>,
     trajectories: Vec<Trajectory>,
+    prior_cost: f64,
 }
 
 impl<'a> Fit<'a> {
@@ -81,6 +84,7 @@ impl<'a> Fit<'a> {
                 p: p.clone(),
                 nodes: recordings.iter().map(|of| of.nodes.x.clone()).collect(),
                 trajectories: recordings.iter().map(|of| of.trajectory.clone()).collect(),
+                prior_cost: 0.0,
             },
             linear: Linear::new(problem.unknown.len(), &recordings),
             block: Block::new(with.dims),
@@ -89,14 +93,16 @@ impl<'a> Fit<'a> {
             iterations: 0,
             damping: 1e-3,
             penalty: 0.0,
-            first: recordings.iter().map(|of| of.trajectory.cost).sum(),
+            first: problem.prior_cost(&p)
+                + recordings.iter().map(|of| of.trajectory.cost).sum::<f64>(),
+            prior_cost: problem.prior_cost(&p),
             p,
             recordings,
         }
     }
 
     pub(crate) fn cost(&self) -> f64 {
-        self.recordings.iter().map(|of| of.trajectory.cost).sum()
+        self.prior_cost + self.recordings.iter().map(|of| of.trajectory.cost).sum::<f64>()
     }
 
     pub(crate) fn gaps(&self) -> f64 {
@@ -108,7 +114,7 @@ impl<'a> Fit<'a> {
         for of in &mut self.recordings {
             of.linearize(problem, &self.p, with, &mut self.block);
         }
-        self.linear.take(&mut self.recordings)
+        self.linear.take(problem, &self.p, &mut self.recordings)
     }
 
     /// Iterates to the end.
@@ -213,13 +219,14 @@ impl<'a> Fit<'a> {
 
     /// Simulates `alpha` of the step.
     fn evaluate(&mut self, problem: &Problem, with: &mut Evaluation<'_>, alpha: f64) {
-        let Trial { p, nodes, trajectories } = &mut self.trial;
+        let Trial { p, nodes, trajectories, prior_cost } = &mut self.trial;
         let step = &self.linear.step;
         p.copy_from_slice(&self.p);
         for (unknown, dp) in problem.unknown.iter().zip(&step.dp) {
             let value = p[unknown.place] + alpha * dp;
             p[unknown.place] = value.max(unknown.low).min(unknown.high);
         }
+        *prior_cost = problem.prior_cost(p);
         let parts = self.recordings.iter().zip(&step.q).zip(nodes).zip(trajectories);
         for (((of, q), nodes), trajectory) in parts {
             nodes.copy_from_slice(&of.nodes.x);
@@ -234,7 +241,8 @@ impl<'a> Fit<'a> {
         if !self.trial.trajectories.iter().all(Trajectory::is_finite) {
             return (f64::NAN, f64::NAN);
         }
-        let cost = self.trial.trajectories.iter().map(|t| t.cost).sum();
+        let trajectories = self.trial.trajectories.iter().map(|t| t.cost).sum::<f64>();
+        let cost = self.trial.prior_cost + trajectories;
         let gaps = self.recordings.iter().zip(&self.trial.trajectories).map(|(of, trial)| {
             let gaps = trial.defects.iter().zip(of.scale.iter().cycle());
             gaps.map(|(d, scale)| (d / scale).abs()).sum::<f64>()
@@ -244,6 +252,7 @@ impl<'a> Fit<'a> {
 
     fn take_trial(&mut self) {
         std::mem::swap(&mut self.p, &mut self.trial.p);
+        self.prior_cost = self.trial.prior_cost;
         let trials = self.trial.nodes.iter_mut().zip(&mut self.trial.trajectories);
         for (of, (nodes, trajectory)) in self.recordings.iter_mut().zip(trials) {
             std::mem::swap(&mut of.nodes.x, nodes);

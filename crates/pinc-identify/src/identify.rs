@@ -3,7 +3,7 @@
 use crate::IdentifyError;
 use crate::fit::{Fit, FitStatus};
 use crate::method::{Method, Why, segments};
-use crate::problem::{InitialState, Problem, Recording};
+use crate::problem::{Criterion, InitialState, Problem, Recording};
 use crate::result::Identified;
 use crate::shooting::{Nodes, Shooting};
 use crate::starts::Start;
@@ -88,8 +88,13 @@ impl<'a> Begun<'a> {
     }
 
     /// Whether single shooting can go on from the start.
-    pub(crate) fn is_single(&self) -> bool {
-        self.linear && self.growth <= SENSITIVE
+    pub(crate) fn is_single(&self, criterion: Criterion) -> bool {
+        match criterion {
+            Criterion::Simulation => self.linear,
+            Criterion::Chosen | Criterion::MultipleShooting => {
+                self.linear && self.growth <= SENSITIVE
+            }
+        }
     }
 
     /// The fit at its end, by single or multiple shooting.
@@ -99,16 +104,26 @@ impl<'a> Begun<'a> {
         recordings: &[Recording<'a>],
         with: &mut Evaluation<'_>,
     ) -> Result<(Fit<'a>, Method), IdentifyError> {
-        let single = self.is_single();
-        let Self { mut fit, p, linear, growth, .. } = self;
-        if !single {
-            let why = if linear { Why::Sensitive { growth } } else { Why::NotFinite };
+        let single = self.is_single(problem.criterion);
+        let Self { mut fit, p, linear, growth, start } = self;
+        let cut = match problem.criterion {
+            Criterion::MultipleShooting => Some(Why::Asked),
+            Criterion::Chosen if linear => (!single).then_some(Why::Sensitive { growth }),
+            Criterion::Chosen => Some(Why::NotFinite),
+            Criterion::Simulation if linear => None,
+            Criterion::Simulation => {
+                let recording = start.iter().position(|of| !of.is_finite()).unwrap_or(0);
+                return Err(IdentifyError::NotFinite { recording });
+            }
+        };
+        if let Some(why) = cut {
             let fit = multiple(problem, recordings, &p, with, growth)?;
             return Ok((fit, Method::MultipleShooting(why)));
         }
         fit.run(problem, with);
         let method = Method::SingleShooting { growth };
-        Ok(match doubt(problem, &fit) {
+        let chosen = problem.criterion == Criterion::Chosen;
+        Ok(match doubt(problem, &fit).filter(|_| chosen) {
             None => (fit, method),
             Some(why) => match multiple(problem, recordings, &p, with, growth) {
                 Ok(other) if is_better(&other, &fit) => (other, Method::MultipleShooting(why)),

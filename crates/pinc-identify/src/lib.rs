@@ -5,6 +5,7 @@
 //!   and where the fit starts; [`Recording`]: the data.
 //! - [`identify`]: the fit, by single or multiple shooting, whichever is needed;
 //!   [`identify_from_starts`]: the same from many starts, of which the best is taken.
+//! - [`simulate_held_out`]: the fit on data that it has not seen.
 //! - [`Identified`]: values with intervals of 95 %, correlations, residuals, and in words what the
 //!   data do not determine and what looks wrong ([`Diagnosis`]).
 //!
@@ -17,6 +18,7 @@ mod analysis;
 mod diagnosis;
 mod error;
 mod fit;
+mod held_out;
 mod identify;
 mod influence;
 mod linear;
@@ -29,14 +31,16 @@ mod starts;
 mod student;
 mod trajectory;
 mod triangle;
+mod whiteness;
 
 pub use diagnosis::{Diagnosis, Side};
 pub use error::IdentifyError;
 pub use fit::FitStatus;
+pub use held_out::simulate_held_out;
 pub use identify::identify;
 pub use method::{Method, Why};
 pub use pinc_estimate::Measured;
-pub use problem::{Channel, InitialState, Problem, Recording, Unknown};
-pub use result::{ChannelFit, Estimate, Identified};
-pub use starts::{Start, identify_from_starts};
+pub use problem::{Channel, Criterion, InitialState, Prior, Problem, Recording, Unknown};
+pub use result::{ChannelFit, Estimate, Identified, InputCorrelation};
+pub use starts::{Start, Starts, identify_from_starts};
 pub use trajectory::Work;

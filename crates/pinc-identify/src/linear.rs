@@ -51,7 +51,12 @@ impl Linear {
     }
 
     /// Takes over the triangles of the recordings. Gives whether all their numbers are finite.
-    pub(crate) fn take(&mut self, recordings: &mut [Shooting<'_>]) -> bool {
+    pub(crate) fn take(
+        &mut self,
+        problem: &Problem,
+        p: &[f64],
+        recordings: &mut [Shooting<'_>],
+    ) -> bool {
         self.lengths.fill(0.0);
         self.slope.fill(0.0);
         let mut finite = true;
@@ -65,6 +70,12 @@ impl Linear {
                     *length += j * j;
                     *slope += j * row[width - 1];
                 }
+            }
+        }
+        for (i, unknown) in problem.unknown.iter().enumerate() {
+            if let Some(prior) = unknown.prior {
+                self.lengths[i] += prior.sd.powi(-2);
+                self.slope[i] += prior.residual(p[unknown.place]) / prior.sd;
             }
         }
         self.lengths.iter_mut().for_each(|length| *length = length.sqrt());
@@ -115,9 +126,17 @@ impl Linear {
                 self.reduced.push().copy_from_slice(&row[nq..]);
             }
         }
+        for (i, unknown) in problem.unknown.iter().enumerate() {
+            if let Some(prior) = unknown.prior {
+                let row = self.reduced.push();
+                row[i] = 1.0 / prior.sd;
+                row[problem.unknown.len()] = prior.residual(p[unknown.place]);
+            }
+        }
         self.reduced.factor();
         self.parameters(problem, p, root);
         self.states(recordings);
+        self.step.cost += prior_cost(problem, p, &self.step.dp);
     }
 
     fn parameters(&mut self, problem: &Problem, p: &[f64], root: f64) {
@@ -176,6 +195,13 @@ impl Linear {
             }
         }
     }
+}
+
+/// What the priors add to the cost after a step.
+fn prior_cost(problem: &Problem, p: &[f64], dp: &[f64]) -> f64 {
+    let residuals = problem.unknown.iter().zip(dp);
+    let residuals = residuals.filter_map(|(of, dp)| Some(of.prior?.residual(p[of.place] + dp)));
+    residuals.map(|residual| 0.5 * residual * residual).sum()
 }
 
 /// The damping of a column; some for one that is 0, so that its unknown stays where it is.

@@ -28,6 +28,8 @@ pub enum Why {
         /// By how much.
         growth: f64,
     },
+    /// The problem asks for it.
+    Asked,
     /// Single shooting did not converge.
     SingleEnded {
         /// How it ended.
@@ -58,6 +60,7 @@ impl fmt::Display for Method {
             Self::SingleShooting { growth } => {
                 write!(f, "the states depend on the initial one at most {growth:.3}-fold")
             }
+            Self::MultipleShooting(Why::Asked) => write!(f, "as asked for"),
             Self::MultipleShooting(Why::NotFinite) => {
                 write!(f, "from the start the model is not finite to the end of the data")
             }

@@ -1,6 +1,6 @@
 //! Points within the bounds of unknown parameters.
 
-use crate::problem::Unknown;
+use crate::problem::{Prior, Unknown};
 
 /// The ratio of positive bounds from which on points are spread evenly in the logarithm.
 const WIDE: f64 = 10.0;
@@ -28,13 +28,19 @@ pub(crate) fn point<'u>(
 }
 
 impl Unknown {
-    /// Whether both bounds are finite.
-    pub(crate) fn is_bounded(&self) -> bool {
-        self.low.is_finite() && self.high.is_finite()
+    /// Whether it is known between what its starts are spread: it has finite bounds or a prior.
+    #[must_use]
+    pub fn is_bounded(&self) -> bool {
+        self.prior.is_some() || self.low.is_finite() && self.high.is_finite()
     }
 
-    /// The bounds, with finite ones in the place of those that are not.
+    /// The bounds, with finite ones in the place of those that are not; with a prior, a range of
+    /// its standard deviation.
     fn range(&self) -> (f64, f64) {
+        if let Some(Prior { mean, sd }) = self.prior {
+            let half = 3.0_f64.sqrt() * sd;
+            return ((mean - half).max(self.low), (mean + half).min(self.high));
+        }
         let size = if self.initial == 0.0 { 1.0 } else { 10.0 * self.initial.abs() };
         (self.low.max(-size), self.high.min(size))
     }
@@ -55,8 +61,12 @@ fn sobol(i: usize, dimension: usize, seed: u64) -> f64 {
 mod tests {
     use super::*;
 
+    fn unknown(initial: f64, low: f64, high: f64) -> Unknown {
+        Unknown { name: "k".to_owned(), place: 0, initial, low, high, prior: None }
+    }
+
     fn spread(low: f64, high: f64) -> Vec<f64> {
-        let unknown = Unknown { name: "k".to_owned(), place: 0, initial: high, low, high };
+        let unknown = unknown(high, low, high);
         (0..64).map(|i| point(std::iter::once(&unknown), i, 3)[0]).collect()
     }
 
@@ -83,9 +93,7 @@ mod tests {
     /// A bound that is infinite is ten times the start, or 1.
     #[test]
     fn infinite_bounds_are_ten_times_the_start() {
-        let range = |initial: f64, low: f64, high: f64| {
-            Unknown { name: "k".to_owned(), place: 0, initial, low, high }.range()
-        };
+        let range = |initial: f64, low: f64, high: f64| unknown(initial, low, high).range();
         let infinity = f64::INFINITY;
         for (found, expected) in [
             (range(-3.0, -infinity, infinity), (-30.0, 30.0)),

@@ -20,6 +20,8 @@ pub struct Problem {
     pub states: Vec<String>,
     /// The names of the inputs, `nu`.
     pub inputs: Vec<String>,
+    /// The error whose squares are summed.
+    pub criterion: Criterion,
 }
 
 /// A measured quantity.
@@ -47,6 +49,39 @@ pub struct Unknown {
     pub low: f64,
     /// The most that it can be; infinity for no bound.
     pub high: f64,
+    /// What is known of it before the data.
+    pub prior: Option<Prior>,
+}
+
+/// A normal distribution of a parameter, which counts as one more measurement: (p - mean)/sd is a
+/// residual like others. Around 0 it is a penalty on the squares of a net's weights.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Prior {
+    /// The mean.
+    pub mean: f64,
+    /// The standard deviation.
+    pub sd: f64,
+}
+
+impl Prior {
+    /// The residual of the value `p`.
+    pub(crate) fn residual(self, p: f64) -> f64 {
+        (p - self.mean) / self.sd
+    }
+}
+
+/// The error whose squares are summed.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum Criterion {
+    /// The error of a simulation from the initial state, by single or multiple shooting, whichever
+    /// is needed.
+    #[default]
+    Chosen,
+    /// The error of a simulation from the initial state, by single shooting.
+    Simulation,
+    /// The same error by multiple shooting: segments are fitted first, then joined.
+    MultipleShooting,
 }
 
 /// The state at the first row of each recording, `nx`.
@@ -117,6 +152,11 @@ impl Problem {
         numbers("parameters", &self.parameters, "finite", f64::is_finite)?;
         let unknown: Vec<usize> = self.unknown.iter().map(|unknown| unknown.place).collect();
         places("unknown parameters", &unknown, dims.np)?;
+        let priors: Vec<f64> =
+            self.unknown.iter().filter_map(|of| of.prior).flat_map(|of| [of.sd, of.mean]).collect();
+        numbers("priors", &priors, "finite", f64::is_finite)?;
+        let sd: Vec<f64> = priors.iter().step_by(2).copied().collect();
+        numbers("sd of priors", &sd, "positive", |sd| sd > 0.0)?;
         for Unknown { name, initial, low, high, .. } in &self.unknown {
             let (name, initial, low, high) = (name.clone(), *initial, *low, *high);
             if !(initial.is_finite() && low <= initial && initial <= high && low < high) {
@@ -151,7 +191,7 @@ impl Problem {
         let given = |recording: &Recording<'_>| recording.y.iter().filter(|y| !y.is_nan()).count();
         let measurements = recordings.iter().map(given).sum();
         let unknowns = self.unknowns(dims, recordings.len());
-        if measurements <= unknowns {
+        if measurements + self.priors() <= unknowns {
             return Err(IdentifyError::TooFewMeasurements { measurements, unknowns });
         }
         Ok(())
@@ -161,6 +201,17 @@ impl Problem {
     pub(crate) fn unknowns(&self, dims: Dims, recordings: usize) -> usize {
         let states = if self.initial_state.is_free() { dims.nx } else { 0 };
         self.unknown.len() + recordings * states
+    }
+
+    /// The number of priors.
+    pub(crate) fn priors(&self) -> usize {
+        self.unknown.iter().filter(|unknown| unknown.prior.is_some()).count()
+    }
+
+    /// What the priors add to the cost.
+    pub(crate) fn prior_cost(&self, p: &[f64]) -> f64 {
+        let residuals = self.unknown.iter().filter_map(|of| Some(of.prior?.residual(p[of.place])));
+        residuals.map(|residual| 0.5 * residual * residual).sum()
     }
 
     /// p where the fit starts, `np`.

@@ -79,6 +79,21 @@ pub struct ChannelFit {
     pub rms: f64,
     /// The correlation of neighbouring residuals.
     pub correlation: f64,
+    /// The correlation with each input.
+    pub inputs: Vec<InputCorrelation>,
+}
+
+/// The correlation of the residuals with an input of `lag` rows before, the largest of these.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[non_exhaustive]
+pub struct InputCorrelation {
+    /// The correlation, from -1 to 1.
+    pub correlation: f64,
+    /// How many rows before.
+    pub lag: usize,
+    /// The correlation beyond which it is no chance: four standard deviations of the correlation
+    /// with white residuals, or with residuals as coloured as these.
+    pub chance: f64,
 }
 
 impl Identified {
@@ -95,7 +110,7 @@ impl Identified {
             fit.recordings.iter().map(|of| of.recording.y.iter().filter(given).count()).sum();
         let held = analysis.sd.iter().filter(|sd| sd.is_nan()).count();
         let unknowns = problem.unknowns(with.dims, fit.recordings.len()) - held;
-        let degrees_of_freedom = measurements - unknowns;
+        let degrees_of_freedom = measurements + problem.priors() - unknowns;
         let cost = fit.cost();
         #[expect(clippy::cast_precision_loss, reason = "no data have 2^53 values")]
         let s = (2.0 * cost / degrees_of_freedom as f64).sqrt();

@@ -12,10 +12,25 @@ use std::sync::Mutex;
 
 /// Iterations of each start before the best ones are chosen.
 const SHORT: usize = 10;
-/// How many of the best are fitted to the end, beside the problem's own start.
-const FINISHED: usize = 4;
 /// The share by which the costs of fits differ that ended in the same minimum.
 const SAME: f64 = 1e-6;
+
+/// How a fit uses its starts.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Starts {
+    /// What scrambles the points.
+    pub seed: u64,
+    /// How many of the best are fitted to the end, beside the problem's own start.
+    pub finished: usize,
+    /// The largest number of threads.
+    pub threads: usize,
+}
+
+impl Default for Starts {
+    fn default() -> Self {
+        Self { seed: 0, finished: 4, threads: 1 }
+    }
+}
 
 /// Where a fit from one start ended.
 #[derive(Clone, Debug, PartialEq)]
@@ -61,18 +76,18 @@ struct Ended<'a> {
 
 /// Like [`identify`], from as many starts as there are `models`, which are copies of one model: the
 /// problem's own start, and points of a Sobol sequence within the bounds of the unknown parameters,
-/// scrambled by `seed`. Parameters whose bounds are positive and at least tenfold apart are spread
-/// evenly in the logarithm.
+/// scrambled by the seed. Parameters whose bounds are positive and at least tenfold apart are spread
+/// evenly in the logarithm; those with a prior within its standard deviation times root 3.
 ///
 /// Each start has a short fit. The best few, and the problem's own start, are fitted to the end,
 /// and the best of these is returned; [`Identified::starts`] has them all. Fits run side by side on
-/// up to `threads` threads. The result does not depend on their number, and with one model it
+/// threads. The result does not depend on their number, and with one model it
 /// equals [`identify`]'s.
 ///
 /// # Errors
 ///
 /// As [`identify`], and [`IdentifyError::NoBounds`] if there are several starts and a parameter has
-/// an infinite bound.
+/// an infinite bound and no prior.
 ///
 /// # Panics
 ///
@@ -81,8 +96,7 @@ pub fn identify_from_starts(
     mut models: Vec<Box<dyn Model>>,
     problem: &Problem,
     recordings: &[Recording<'_>],
-    seed: u64,
-    threads: usize,
+    Starts { seed, finished, threads }: Starts,
 ) -> Result<Identified, IdentifyError> {
     let starts = models.len();
     if starts == 1 {
@@ -100,7 +114,7 @@ pub fn identify_from_starts(
     });
     let simulated = attempts[0].begun.start.clone();
     attempts[1..].sort_by(|a, b| a.cost.total_cmp(&b.cost));
-    let good = attempts[1..].iter().take(FINISHED).filter(|of| of.cost.is_finite()).count();
+    let good = attempts[1..].iter().take(finished).filter(|of| of.cost.is_finite()).count();
     let aside = attempts.split_off(1 + good);
     let mut ends = side_by_side(attempts, threads, |of| of.finish(problem, recordings));
     ends.extend(aside.into_iter().map(|of| of.set_aside(problem)));
@@ -138,10 +152,11 @@ impl<'a> Attempt<'a> {
     ) -> Self {
         let mut with = Evaluation::new(&mut *model);
         let mut begun = Begun::at(p, problem, recordings, &mut with);
-        if begun.is_single() {
+        if begun.is_single(problem.criterion) {
             begun.fit.run_until(SHORT, problem, &mut with);
         }
-        let cost = if begun.is_single() { begun.fit.cost() } else { f64::INFINITY };
+        let cost =
+            if begun.is_single(problem.criterion) { begun.fit.cost() } else { f64::INFINITY };
         let work = with.work;
         Self { model, begun, cost, work }
     }

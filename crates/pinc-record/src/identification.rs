@@ -4,10 +4,11 @@ use crate::error::RecordError;
 use crate::files::{file, json, read_json};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
+use std::fmt;
 use std::path::Path;
 
 /// The share by which the costs of fits differ that ended in the same minimum.
-const SAME: f64 = 1e-6;
+const SAME: f64 = 1e-3;
 
 /// The results of `pinc identify`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -18,6 +19,9 @@ pub struct IdentificationMetrics {
     pub model: String,
     /// The parameters, by their names.
     pub parameters: BTreeMap<String, ParameterMetrics>,
+    /// The nets inside the plant's equations whose weights are among the parameters.
+    #[serde(default)]
+    pub nets: Vec<String>,
     /// Half the sum of the squares of all residuals, each divided by its noise.
     pub cost: f64,
     /// The measured quantities.
@@ -31,6 +35,12 @@ pub struct IdentificationMetrics {
     /// Where the fit ended from each of its starts, the one that was taken first.
     #[serde(default)]
     pub starts: Vec<StartMetrics>,
+    /// At which costs the starts ended that were fitted to the end, the lowest first.
+    #[serde(default)]
+    pub minima: Vec<MinimumMetrics>,
+    /// The files that were held out.
+    #[serde(default)]
+    pub held_out: Vec<HeldOutMetrics>,
     /// Single or multiple shooting.
     pub method: String,
     /// Why.
@@ -105,6 +115,41 @@ pub struct ResidualMetrics {
     pub rms: f64,
     /// The correlation of neighbouring residuals.
     pub correlation: f64,
+    /// The correlation with each input, by its name.
+    #[serde(default)]
+    pub inputs: BTreeMap<String, InputCorrelationMetrics>,
+}
+
+/// The largest correlation of the residuals with an input of some rows before.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct InputCorrelationMetrics {
+    /// The correlation.
+    pub correlation: f64,
+    /// How many rows before.
+    pub lag: usize,
+    /// The correlation beyond which it is no chance; nothing where the input is constant.
+    pub chance: Option<f64>,
+}
+
+/// Costs at which fits from several starts ended.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct MinimumMetrics {
+    /// The lowest cost of them.
+    pub cost: f64,
+    /// How many fits ended there, to a thousandth of the cost.
+    pub starts: usize,
+}
+
+/// A file that the fit has not seen.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct HeldOutMetrics {
+    /// The file.
+    pub file: String,
+    /// The first rows, which the initial state was fitted to.
+    pub fitted_rows: usize,
+    /// The root mean square error of the simulation of each output over the other rows, in its
+    /// unit.
+    pub rms: BTreeMap<String, f64>,
 }
 
 /// The correlations of the estimates.
@@ -134,7 +179,95 @@ impl StartMetrics {
     pub const SET_ASIDE: &str = "set aside";
 }
 
+impl ResidualMetrics {
+    /// The correlations with inputs in words, with the ones beyond which they are no chance.
+    #[must_use]
+    pub fn with_inputs(&self) -> String {
+        let shown = self.inputs.iter().map(|(name, of)| {
+            let chance = of.chance.unwrap_or(f64::NAN);
+            format!("{name}: {:.2} at {} rows ({chance:.2})", of.correlation, of.lag)
+        });
+        shown.collect::<Vec<_>>().join(", ")
+    }
+}
+
+impl MinimumMetrics {
+    /// The costs in groups.
+    #[must_use]
+    pub fn of(costs: impl IntoIterator<Item = f64>) -> Vec<Self> {
+        let mut costs: Vec<f64> = costs.into_iter().collect();
+        costs.sort_by(f64::total_cmp);
+        let mut all: Vec<Self> = Vec::new();
+        for cost in costs {
+            match all.last_mut().filter(|last| cost <= (1.0 + SAME) * last.cost) {
+                Some(last) => last.starts += 1,
+                None => all.push(Self { cost, starts: 1 }),
+            }
+        }
+        all
+    }
+}
+
+/// The result in a few lines.
+impl fmt::Display for IdentificationMetrics {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(
+            f,
+            "{}: {}; {} iterations, {} ({}); cost {:.6}, {} values",
+            self.model,
+            self.ended(),
+            self.work.iterations,
+            self.method,
+            self.reason,
+            self.cost,
+            self.measurements
+        )?;
+        let states = self.initial_states.iter().flat_map(|file| {
+            let several = self.initial_states.len() > 1;
+            file.states.iter().map(move |(state, of)| match several {
+                true => (format!("{state}(0) of {}", file.file), of),
+                false => (format!("{state}(0)"), of),
+            })
+        });
+        let is_weight = |name: &String| self.net_of(name).is_some();
+        let parameters = self.parameters.iter().filter(|(name, _)| !is_weight(name));
+        let parameters = parameters.map(|(name, of)| (name.clone(), &of.estimate));
+        for (name, estimate) in parameters.chain(states) {
+            match estimate.half_width_95 {
+                Some(width) => write!(f, "\n  {name} = {:.6} +- {width:.2e}", estimate.value)?,
+                None => write!(f, "\n  {name} = {:.6}, without an interval", estimate.value)?,
+            }
+        }
+        for net in &self.nets {
+            let weights = self.parameters.iter().filter(|(name, _)| self.net_of(name) == Some(net));
+            let squares: Vec<f64> = weights.map(|(_, of)| of.estimate.value.powi(2)).collect();
+            #[expect(clippy::cast_precision_loss, reason = "a number of weights")]
+            let rms = (squares.iter().sum::<f64>() / squares.len().max(1) as f64).sqrt();
+            write!(f, "\n  {net}: {} weights of {rms:.3} rms", squares.len())?;
+        }
+        self.held_out_in_words().try_for_each(|of| write!(f, "\n  {of}"))?;
+        self.findings.iter().try_for_each(|finding| write!(f, "\nnote: {finding}"))
+    }
+}
+
 impl IdentificationMetrics {
+    /// The error of each output on each file that was held out.
+    pub fn held_out_in_words(&self) -> impl Iterator<Item = String> {
+        self.held_out.iter().flat_map(|of| {
+            let said = |(output, rms): (&String, &f64)| {
+                format!("{output} of {}, held out: error {rms:.4} rms", of.file)
+            };
+            of.rms.iter().map(said)
+        })
+    }
+
+    /// The net that a parameter is a weight of.
+    #[must_use]
+    pub fn net_of(&self, parameter: &str) -> Option<&String> {
+        let (base, _) = parameter.split_once('[')?;
+        self.nets.iter().find(|net| *net == base)
+    }
+
     /// How the fit ended, and from how many of its starts there.
     #[must_use]
     pub fn ended(&self) -> String {
@@ -144,24 +277,20 @@ impl IdentificationMetrics {
         }
         let (fitted, aside): (Vec<_>, Vec<_>) =
             self.starts.iter().partition(|start| start.status != StartMetrics::SET_ASIDE);
-        let costs = || fitted.iter().filter_map(|start| start.cost);
-        let same = |cost: &f64| *cost <= (1.0 + SAME) * self.cost;
-        let others = || costs().filter(|cost| !same(cost));
-        let elsewhere = match others().count() {
-            0 => String::new(),
-            count => {
-                let (low, high) = (others().fold(f64::MAX, f64::min), others().fold(0.0, f64::max));
-                format!(", {count} at costs of {low:.6} to {high:.6}")
-            }
-        };
+        let minima = MinimumMetrics::of(fitted.iter().filter_map(|start| start.cost));
+        let (here, others) =
+            minima.split_first().map_or((0, &[][..]), |(of, rest)| (of.starts, rest));
+        let others = others.iter().map(|of| format!(", {} at the cost {:.6}", of.starts, of.cost));
+        let alone = "; no other start ended here: more of them may find a better minimum";
         format!(
-            "{} from {} starts: {} of {} that were fitted to the end ended here{elsewhere}; set \
-             aside after a short fit: {}",
+            "{} from {} starts: {here} of {} that were fitted to the end ended here{}; set \
+             aside after a short fit: {}{}",
             self.status,
             self.starts.len(),
-            costs().filter(same).count(),
             fitted.len(),
-            aside.len()
+            others.collect::<String>(),
+            aside.len(),
+            if here > 1 { "" } else { alone }
         )
     }
 
@@ -208,7 +337,7 @@ mod tests {
         assert!(one.starts_with("converged from a single start ("), "{one}");
         let several = [
             (Some(2.0), "converged"),
-            (Some(2.0 + 1e-6), "stalled"),
+            (Some(2.001), "stalled"),
             (Some(5.25), "converged"),
             (Some(7.5), "converged"),
             (None, "not finite"),
@@ -216,8 +345,10 @@ mod tests {
         ];
         assert_eq!(
             of("converged", &several),
-            "converged from 6 starts: 2 of 5 that were fitted to the end ended here, 2 at costs of \
-             5.250000 to 7.500000; set aside after a short fit: 1"
+            "converged from 6 starts: 2 of 5 that were fitted to the end ended here, 1 at the cost \
+             5.250000, 1 at the cost 7.500000; set aside after a short fit: 1"
         );
+        let alone = of("converged", &[(Some(2.0), "converged"), (Some(2.1), "converged")]);
+        assert!(alone.ends_with("more of them may find a better minimum"), "{alone}");
     }
 }

@@ -45,8 +45,9 @@ pub use domain_error::{DomainErrorMetrics, DomainFinding, Place, ProvenErrors, R
 pub use error::{CheckpointProblem, RecordError, TableProblem};
 pub use files::{file, read_file, read_text, remove_unfinished, write_atomically, write_output};
 pub use identification::{
-    CorrelationMetrics, EstimateMetrics, IdentificationMetrics, InitialStateMetrics,
-    ParameterMetrics, ResidualMetrics, StartMetrics, WorkMetrics,
+    CorrelationMetrics, EstimateMetrics, HeldOutMetrics, IdentificationMetrics,
+    InitialStateMetrics, InputCorrelationMetrics, MinimumMetrics, ParameterMetrics,
+    ResidualMetrics, StartMetrics, WorkMetrics,
 };
 pub use metrics::{
     ControlMetrics, CostMetrics, EstimatorMetrics, Excess, FileNote, Metrics, ModelErrorMetrics,

@@ -71,7 +71,7 @@ pub(crate) fn paragraph(of: &IdentificationMetrics) -> String {
         of.reason,
         of.ended()
     );
-    for finding in &of.findings {
+    for finding in of.held_out_in_words().chain(of.findings.iter().cloned()) {
         said += &format!(" {finding}.");
     }
     said
@@ -80,7 +80,8 @@ pub(crate) fn paragraph(of: &IdentificationMetrics) -> String {
 /// The estimates, and what is left of the data.
 pub(crate) fn number_tables(of: &IdentificationMetrics) -> Vec<NumberTable> {
     let heads = |heads: &[&str]| heads.iter().map(|&head| head.to_owned()).collect();
-    let parameters = of.parameters.iter().map(|(name, parameter)| {
+    let parameters = of.parameters.iter().filter(|(name, _)| of.net_of(name).is_none());
+    let parameters = parameters.map(|(name, parameter)| {
         let [value, width] = shown(&parameter.estimate);
         vec![name.clone(), value, width, text::number(parameter.initial, 4)]
     });
@@ -106,11 +107,18 @@ pub(crate) fn number_tables(of: &IdentificationMetrics) -> Vec<NumberTable> {
             left.measurements.to_string(),
             text::significant(left.rms, 3),
             format!("{:.2}", left.correlation),
+            left.with_inputs(),
         ]
     });
     tables.push(NumberTable {
         title: "Residuals".to_owned(),
-        heads: heads(&["", "values", "rms", "correlation of neighbours"]),
+        heads: heads(&[
+            "",
+            "values",
+            "rms",
+            "correlation of neighbours",
+            "with inputs (by chance)",
+        ]),
         rows: residuals.collect(),
     });
     let several = of.correlation.names.len() > 1 && of.correlation.names.len() <= 20;

@@ -6,17 +6,21 @@ use super::{Options, rebuild_report};
 use crate::RunError;
 use crate::error::CsvProblem;
 use crate::invocation::invocation;
-use pinc_config::{Experiment, IdentifySpec, ModelKind, Variables};
+use pinc_config::{
+    Experiment, IdentifiedNet, IdentifiedParameter, IdentifyCriterion, IdentifySpec, ModelKind,
+    PlantSpec, Variables,
+};
 use pinc_identify::{
-    Channel, Estimate, Identified, IdentifyError, InitialState, Problem, Recording, Side, Start,
-    Unknown, identify_from_starts,
+    Channel, Criterion, Estimate, Identified, IdentifyError, InitialState, Prior, Problem,
+    Recording, Side, Start, Starts, Unknown, identify_from_starts, simulate_held_out,
 };
 use pinc_net::{PincModel, PincNet};
 use pinc_ode::{DynPlant, Integrator, Model, WithOutputs};
 use pinc_record::{
-    CorrelationMetrics, EstimateMetrics, IdentificationMetrics, InitialStateMetrics,
-    ParameterMetrics, Provenance, ResidualMetrics, ResidualRow, ResidualTable, RunDir,
-    StartMetrics, WorkMetrics, file, read_file,
+    CorrelationMetrics, EstimateMetrics, HeldOutMetrics, IdentificationMetrics,
+    InitialStateMetrics, InputCorrelationMetrics, MinimumMetrics, ParameterMetrics, Provenance,
+    ResidualMetrics, ResidualRow, ResidualTable, RunDir, StartMetrics, WorkMetrics, file,
+    read_file,
 };
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
@@ -28,14 +32,16 @@ use std::time::Instant;
 const SUBSTEPS: usize = 4;
 /// The starts of a fit whose parameters all have bounds.
 const STARTS: usize = 16;
+/// The rows of a file that is held out to which its initial state is fitted.
+const VALIDATION_ROWS: usize = 5;
 /// How many steps may lie between two rows.
 const LONGEST_GAP: f64 = 1e6;
 
 /// Identifies what `[identify]` of `experiment` asks for in the files `data`, and writes the run
 /// directory `dir`: `identify.json`, `residuals.csv`, `identified.toml` and the report. The model
 /// is `only`, or the net of the file `model`, if that is given, or RK4. The fit begins at `starts`
-/// points; if that is not given, at 16 if all parameters have bounds, and otherwise where
-/// the config says.
+/// points; if that is not given, at those of `[identify]`. Files that are held out do not take part
+/// in the fit, which is simulated on them.
 ///
 /// The data have the columns `t`, the inputs, which hold from a row to the next, and
 /// `y_<measured>`, read just before the input changes, of which cells may be empty; other columns
@@ -47,7 +53,7 @@ const LONGEST_GAP: f64 = 1e6;
 /// [`RunError`], naming file, line and column of what is wrong with the data.
 pub fn identify(
     experiment: &Experiment,
-    data: &[PathBuf],
+    (data, held_out): (&[PathBuf], &[PathBuf]),
     dir: &Path,
     options: &Options<'_>,
     model: Option<&Path>,
@@ -73,28 +79,51 @@ pub fn identify(
     let net = net.as_ref().filter(|_| kind == ModelKind::Pinc);
     let variables = experiment.plant.variables();
     let measured = spec.measurement().names(&variables);
-    let tables = data.iter().map(|path| read(path, &variables, &measured));
-    let tables = tables.collect::<Result<Vec<_>, _>>()?;
-    let sample_time_s = step_s(experiment, spec, net, &tables);
-    let recorded = data.iter().zip(&tables).map(|(path, table)| filled(path, table, sample_time_s));
-    let recorded = recorded.collect::<Result<Vec<_>, _>>()?;
+    let tables = |files: &[PathBuf]| -> Result<Vec<_>, _> {
+        files.iter().map(|path| read(path, &variables, &measured)).collect()
+    };
+    let fitted = tables(data)?;
+    let sample_time_s = step_s(experiment, spec, net, &fitted);
+    let recorded = |files: &[PathBuf], tables: &[Rows]| -> Result<Vec<_>, _> {
+        let files = files.iter().zip(tables);
+        files.map(|(path, table)| filled(path, table, sample_time_s)).collect()
+    };
+    let unseen = recorded(held_out, &tables(held_out)?)?;
+    let recorded = recorded(data, &fitted)?;
     let (problem, plant) = problem(experiment, spec, &variables, net)?;
-    let starts = starts.unwrap_or_else(|| default_starts(&problem));
+    let starts = starts.or(spec.starts).unwrap_or_else(|| default_starts(&problem));
     let model = || fitted_model(experiment, spec, (kind, net), &*plant, sample_time_s);
     let models = (0..starts).map(|_| model()).collect::<Result<Vec<_>, _>>()?;
-    let recordings: Vec<_> =
-        recorded.iter().map(|of| Recording { name: &of.name, u: &of.u, y: &of.y }).collect();
+    let recordings: Vec<_> = recorded.iter().map(Recorded::recording).collect();
     let clock = Instant::now();
     let threads = std::thread::available_parallelism().map_or(1, NonZero::get);
-    let found = identify_from_starts(models, &problem, &recordings, experiment.seed, threads);
+    let with = Starts { seed: experiment.seed, threads, ..Starts::default() };
+    let finished = spec.finished_starts.unwrap_or(with.finished);
+    let with = Starts { finished, ..with };
+    let found = identify_from_starts(models, &problem, &recordings, with);
     let found = found.map_err(|error| in_file(error, data))?;
     let wall_s = clock.elapsed().as_secs_f64();
-    let metrics = metrics(experiment, (kind, &problem), &recorded, &found, wall_s);
+    let rows = spec.validation_rows.unwrap_or(VALIDATION_ROWS);
+    let mut of_unseen = Vec::new();
+    for (file, of) in unseen.iter().enumerate() {
+        let simulated = simulate_held_out(&mut *model()?, &problem, &found.p, of.recording(), rows);
+        let simulated = simulated.map_err(|error| in_file(error, &held_out[file..]))?;
+        of_unseen.push(of.held_out(&measured, rows, &simulated));
+    }
+    let metrics = IdentificationMetrics {
+        nets: spec.nets.iter().map(|net| net.name.clone()).collect(),
+        held_out: of_unseen,
+        ..metrics(experiment, (kind, &problem), &recorded, &found, wall_s)
+    };
     let mut run_dir = RunDir::open(dir, experiment, std::process::id())?;
     let provenance = Provenance::of(experiment, invocation(options.arguments));
     run_dir.write_provenance(&provenance, false)?;
     run_dir.write(file::RESIDUALS, residuals(&measured, &recorded, &found).to_csv().as_bytes())?;
-    run_dir.write(file::IDENTIFIED, identified(experiment, &metrics).as_bytes())?;
+    let (text, weights) = identified(experiment, &metrics);
+    for (name, weights) in weights {
+        run_dir.write(&name, weights.as_bytes())?;
+    }
+    run_dir.write(file::IDENTIFIED, text.as_bytes())?;
     run_dir.write(file::IDENTIFY, metrics.to_json().as_bytes())?;
     run_dir.update(|_| {})?;
     rebuild_report(dir)?;
@@ -103,8 +132,7 @@ pub fn identify(
 
 /// How many starts a fit has if none are asked for: several only where bounds say between what.
 fn default_starts(problem: &Problem) -> usize {
-    let bounded = |unknown: &Unknown| unknown.low.is_finite() && unknown.high.is_finite();
-    let several = !problem.unknown.is_empty() && problem.unknown.iter().all(bounded);
+    let several = !problem.unknown.is_empty() && problem.unknown.iter().all(Unknown::is_bounded);
     if several { STARTS } else { 1 }
 }
 
@@ -162,6 +190,28 @@ struct Recorded {
     channels: usize,
 }
 
+impl Recorded {
+    fn recording(&self) -> Recording<'_> {
+        Recording { name: &self.name, u: &self.u, y: &self.y }
+    }
+
+    /// The error of a simulation, without the first rows.
+    fn held_out(&self, measured: &[String], rows: usize, simulated: &[f64]) -> HeldOutMetrics {
+        let rms = |channel: usize| {
+            let pairs = self.y.iter().zip(simulated).skip(rows * self.channels + channel);
+            let errors = pairs.step_by(self.channels).map(|(y, simulated)| y - simulated);
+            let squares = errors.filter(|e| !e.is_nan()).map(|e| e * e);
+            let (sum, count) = squares.fold((0.0, 0.0), |(sum, n), square| (sum + square, n + 1.0));
+            (sum / f64::max(count, 1.0)).sqrt()
+        };
+        HeldOutMetrics {
+            file: self.name.clone(),
+            fitted_rows: rows,
+            rms: measured.iter().enumerate().map(|(i, name)| (name.clone(), rms(i))).collect(),
+        }
+    }
+}
+
 /// Fills the steps between rows: there is no measurement, and the input holds.
 fn filled(path: &Path, rows: &Rows, sample_time_s: f64) -> Result<Recorded, RunError> {
     let name = path.file_name().unwrap_or(path.as_os_str()).to_string_lossy().into_owned();
@@ -201,10 +251,13 @@ fn problem(
     variables: &Variables,
     net: Option<&PincNet>,
 ) -> Result<(Problem, Box<dyn DynPlant>), RunError> {
-    let unknown: Vec<&str> = spec.parameters.iter().map(|of| of.name.as_str()).collect();
+    let weights = weights(experiment, spec);
     let (names, values) = match net {
         Some(_) => (experiment.varying(), experiment.model_parameters()),
-        None => (unknown.clone(), spec.parameters.iter().map(|of| of.initial).collect()),
+        None => {
+            let parameters = spec.parameters.iter().map(|of| (of.name.as_str(), of.initial));
+            parameters.chain(weights.iter().map(|of| (of.name.as_str(), of.initial))).unzip()
+        }
     };
     let measured = spec.measurement();
     let sd = experiment.measurement_sd(spec, &measured.names(variables));
@@ -215,7 +268,9 @@ fn problem(
         sd: sd.as_ref().map(|sd| sd[i]),
     });
     let mut unknowns = Vec::new();
-    for of in &spec.parameters {
+    for (of, is_weight) in
+        spec.parameters.iter().map(|of| (of, false)).chain(weights.iter().map(|of| (of, true)))
+    {
         let place = names.iter().position(|name| *name == of.name);
         let not_an_input = || {
             let known = if names.is_empty() { "no parameters" } else { &names.join(", ") };
@@ -241,6 +296,7 @@ fn problem(
             initial: of.initial.max(low).min(high),
             low,
             high,
+            prior: of.sd.map(|sd| Prior { mean: if is_weight { 0.0 } else { of.initial }, sd }),
         });
     }
     let initial_state = match (&spec.initial_state, &spec.fixed_initial_state) {
@@ -254,8 +310,32 @@ fn problem(
         initial_state,
         states: variables.state_names(),
         inputs: variables.input_names(),
+        criterion: match spec.criterion {
+            None => Criterion::Chosen,
+            Some(IdentifyCriterion::Simulation) => Criterion::Simulation,
+            Some(IdentifyCriterion::MultipleShooting) => Criterion::MultipleShooting,
+            Some(other) => {
+                let problem = format!("identify.criterion: {other:?} is not known here");
+                return Err(RunError::usage("identify", problem));
+            }
+        },
     };
     Ok((problem, experiment.plant.family(&names)))
+}
+
+/// The weights of the nets that are identified, as parameters, from where they are on.
+fn weights(experiment: &Experiment, spec: &IdentifySpec) -> Vec<IdentifiedParameter> {
+    let PlantSpec::Expression(equations) = &experiment.plant else { return Vec::new() };
+    let of = |net: &IdentifiedNet| {
+        let names = equations.net_weights(&net.name);
+        let sd = Some(net.weight_sd);
+        let parameter = |name: String| {
+            let initial = equations.parameters[&name];
+            IdentifiedParameter { name, initial, low: None, high: None, sd }
+        };
+        names.into_iter().map(parameter).collect::<Vec<_>>()
+    };
+    spec.nets.iter().flat_map(of).collect()
 }
 
 /// The model that is fitted.
@@ -322,7 +402,12 @@ fn metrics(
     });
     let residuals = found.channels.iter().map(|of| {
         let (measurements, rms, correlation) = (of.measurements, of.rms, of.correlation);
-        (of.name.clone(), ResidualMetrics { measurements, rms, correlation })
+        let inputs = problem.inputs.iter().zip(&of.inputs).map(|(name, of)| {
+            let (correlation, lag, chance) = (of.correlation, of.lag, finite(of.chance));
+            (name.clone(), InputCorrelationMetrics { correlation, lag, chance })
+        });
+        let inputs = inputs.collect();
+        (of.name.clone(), ResidualMetrics { measurements, rms, correlation, inputs })
     });
     let names: Vec<String> = found.estimates().map(|of| of.name.clone()).collect();
     let matrix = found.correlation.chunks(names.len().max(1));
@@ -336,6 +421,11 @@ fn metrics(
         initial_states: states.collect(),
         status: found.status.to_string(),
         starts: found.starts.iter().map(|start| start_metrics(problem, start)).collect(),
+        minima: MinimumMetrics::of(
+            found.starts.iter().filter(|of| of.status.is_some()).map(|of| of.cost),
+        ),
+        nets: Vec::new(),
+        held_out: Vec::new(),
         method: found.method.name().to_owned(),
         reason: found.method.to_string(),
         measurements: found.measurements,
@@ -382,49 +472,21 @@ fn residuals(measured: &[String], recorded: &[Recorded], found: &Identified) -> 
     ResidualTable { measured: measured.to_vec(), rows }
 }
 
-/// The config with the identified plant.
-fn identified(experiment: &Experiment, metrics: &IdentificationMetrics) -> String {
+/// The config with the identified plant, and files with the weights of its nets.
+fn identified(
+    experiment: &Experiment,
+    metrics: &IdentificationMetrics,
+) -> (String, Vec<(String, String)>) {
     let values: BTreeMap<String, f64> =
         metrics.parameters.iter().map(|(name, of)| (name.clone(), of.estimate.value)).collect();
     let mut text = format!("# {} with the plant that was identified:\n", experiment.name);
-    for (name, of) in &metrics.parameters {
+    for (name, of) in metrics.parameters.iter().filter(|(name, _)| metrics.net_of(name).is_none()) {
         // Writing to a String does not fail.
         let _ = match of.estimate.half_width_95 {
             Some(width) => writeln!(text, "# {name} = {} +- {width:.2e}", of.estimate.value),
             None => writeln!(text, "# {name} = {}, without an interval", of.estimate.value),
         };
     }
-    format!("{text}\n{}", experiment.with_parameters(&values).to_toml())
-}
-
-/// The result in a few lines.
-pub fn identification_summary(of: &IdentificationMetrics) -> String {
-    let mut text = format!(
-        "{}: {}; {} iterations, {} ({}); cost {:.6}, {} values",
-        of.model,
-        of.ended(),
-        of.work.iterations,
-        of.method,
-        of.reason,
-        of.cost,
-        of.measurements
-    );
-    let estimates = of.parameters.iter().map(|(name, of)| (name.clone(), &of.estimate));
-    let states = of.initial_states.iter().flat_map(|file| {
-        let several = of.initial_states.len() > 1;
-        file.states.iter().map(move |(state, of)| match several {
-            true => (format!("{state}(0) of {}", file.file), of),
-            false => (format!("{state}(0)"), of),
-        })
-    });
-    for (name, estimate) in estimates.chain(states) {
-        let _ = match estimate.half_width_95 {
-            Some(width) => write!(text, "\n  {name} = {:.6} +- {width:.2e}", estimate.value),
-            None => write!(text, "\n  {name} = {:.6}, without an interval", estimate.value),
-        };
-    }
-    for finding in &of.findings {
-        let _ = write!(text, "\nnote: {finding}");
-    }
-    text
+    let (config, weights) = experiment.with_parameters(&values).to_toml_with_weights_beside();
+    (format!("{text}\n{config}"), weights)
 }

@@ -64,7 +64,7 @@ pub use domain_error::proven_net_error;
 pub use error::{CsvProblem, RunError};
 pub use estimate::{Estimated, estimate};
 pub use export::{Target, export_controller, export_net, export_plant};
-pub use identify::{identification_summary, identify};
+pub use identify::identify;
 pub use live::{Follow, LiveController, LiveStep};
 pub use live_state::LiveState;
 pub use pinc_check::{Finding, IntegratorBox, Severity, findings_json};

@@ -124,6 +124,9 @@ enum Command {
         /// Data: columns t, the inputs, y_ and the name of each measured quantity.
         #[arg(long, required = true, num_args = 1.., value_name = "FILE")]
         data: Vec<PathBuf>,
+        /// Data that are held out: the fit is simulated on them and its error is said.
+        #[arg(long, num_args = 1.., value_name = "FILE")]
+        validate: Vec<PathBuf>,
         /// Directory of the results, by default `runs/`, the experiment's name and `-identify`.
         #[arg(long, value_name = "DIR")]
         out: Option<PathBuf>,
@@ -134,7 +137,7 @@ enum Command {
         #[arg(long, value_parser = model_kind())]
         only: Option<ModelKind>,
         /// Number of starting points of the fit within the parameters' bounds, the config's start
-        /// included; by default 16 if all parameters have bounds, and otherwise 1.
+        /// included; by default `identify.starts`.
         #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1000))]
         starts: Option<u16>,
         #[command(flatten)]
@@ -361,16 +364,17 @@ fn execute(cli: &Cli, plants: &Plants) -> Result<ExitCode, RunError> {
             let found = pinc_runs::estimate(&experiment, data, output, model, *only)?;
             show(quiet, &found.to_string())?;
         }
-        Command::Identify { config, data, out, model, only, starts, set } => {
+        Command::Identify { config, data, validate, out, model, only, starts, set } => {
             let experiment = Experiment::load(config, &set.overrides(), plants)?;
             let named = || Path::new("runs").join(format!("{}-identify", experiment.name));
             let dir = out.clone().unwrap_or_else(named);
             let arguments = arguments();
             let options = options(false, quiet, &arguments);
             let (model, starts) = (model.as_deref(), starts.map(usize::from));
+            let files = (&data[..], &validate[..]);
             let found =
-                pinc_runs::identify(&experiment, data, &dir, &options, model, *only, starts)?;
-            show(quiet, &pinc_runs::identification_summary(&found))?;
+                pinc_runs::identify(&experiment, files, &dir, &options, model, *only, starts)?;
+            show(quiet, &found.to_string())?;
         }
         Command::Certify { config, what, run } => {
             let experiment = Experiment::load(config, &run.set.overrides(), plants)?;

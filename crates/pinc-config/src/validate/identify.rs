@@ -5,7 +5,7 @@ use super::values::{MEASURED, at_least_one, length, positive, value};
 use super::{Checked, Problem};
 use crate::problem::nearest;
 use crate::registry::Variables;
-use crate::{Experiment, IdentifySpec};
+use crate::{Experiment, IdentifySpec, PlantSpec};
 
 pub(super) fn identification(
     experiment: &Experiment,
@@ -31,7 +31,12 @@ pub(super) fn identification(
     if let Some(substeps) = spec.substeps {
         at_least_one("identify.substeps", substeps)?;
     }
-    if spec.parameters.is_empty() && spec.initial_state.is_none() {
+    let counts = [("starts", spec.starts), ("validation_rows", spec.validation_rows)];
+    for (key, count) in counts.into_iter().filter_map(|(key, count)| Some((key, count?))) {
+        at_least_one(&format!("identify.{key}"), count)?;
+    }
+    nets(experiment, spec)?;
+    if spec.parameters.is_empty() && spec.nets.is_empty() && spec.initial_state.is_none() {
         let expected = "parameters to identify, or an initial_state to start from";
         return value("identify.parameters", "[]", expected);
     }
@@ -55,6 +60,30 @@ fn initial_state(spec: &IdentifySpec, variables: &Variables) -> Checked {
     }
 }
 
+fn nets(experiment: &Experiment, spec: &IdentifySpec) -> Checked {
+    let known: Vec<String> = match &experiment.plant {
+        PlantSpec::Expression(equations) => equations.nets.keys().cloned().collect(),
+        _ => Vec::new(),
+    };
+    for (i, net) in spec.nets.iter().enumerate() {
+        let key = |name: &str| format!("identify.nets[{i}].{name}");
+        let quoted = format!("{:?}", net.name);
+        if known.is_empty() {
+            let expected = "no such key: the plant has no plant.expression.nets";
+            return value(&key("name"), quoted, expected);
+        }
+        if spec.nets[..i].iter().any(|before| before.name == net.name) {
+            return value(&key("name"), quoted, "each net once");
+        }
+        if !known.contains(&net.name) {
+            let (found, nearest) = (net.name.clone(), nearest(&net.name, &known));
+            return Err((key("name"), Problem::Word { found, known, nearest }));
+        }
+        positive(&key("weight_sd"), net.weight_sd)?;
+    }
+    Ok(())
+}
+
 fn parameters(experiment: &Experiment, spec: &IdentifySpec) -> Checked {
     let known: Vec<String> = experiment.plant.parameters().into_keys().collect();
     for (i, parameter) in spec.parameters.iter().enumerate() {
@@ -71,6 +100,14 @@ fn parameters(experiment: &Experiment, spec: &IdentifySpec) -> Checked {
             let nearest = nearest(&parameter.name, &known);
             let found = parameter.name.clone();
             return Err((key("name"), Problem::Word { found, known, nearest }));
+        }
+        if let Some(sd) = parameter.sd {
+            positive(&key("sd"), sd)?;
+        }
+        let identified =
+            spec.nets.iter().any(|net| parameter.name.split('[').next() == Some(&net.name));
+        if identified {
+            return value(&key("name"), quoted, "no weight of a net of identify.nets");
         }
         let low = parameter.low.unwrap_or(f64::NEG_INFINITY);
         let high = parameter.high.unwrap_or(f64::INFINITY);

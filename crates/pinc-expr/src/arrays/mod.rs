@@ -50,6 +50,15 @@ impl Equations {
         &self,
         then: impl FnOnce(&Self) -> Result<T, ExpressionError>,
     ) -> Result<T, ExpressionError> {
+        self.with_nets_written_out()?
+            .unrolled_arrays(then)
+            .map_err(|error| self.explain_nets(error))
+    }
+
+    fn unrolled_arrays<T>(
+        &self,
+        then: impl FnOnce(&Self) -> Result<T, ExpressionError>,
+    ) -> Result<T, ExpressionError> {
         if !self.has_arrays() {
             return then(self);
         }
@@ -59,6 +68,15 @@ impl Equations {
 
     /// [`Equations::unrolled`] with two further expressions, at their keys.
     pub(crate) fn unrolled_with<T>(
+        &self,
+        texts: [(&'static str, &str); 2],
+        then: impl FnOnce(&Self, [&str; 2]) -> Result<T, ExpressionError>,
+    ) -> Result<T, ExpressionError> {
+        let written_out = self.with_nets_written_out()?;
+        written_out.unrolled_arrays_with(texts, then).map_err(|error| self.explain_nets(error))
+    }
+
+    fn unrolled_arrays_with<T>(
         &self,
         texts: [(&'static str, &str); 2],
         then: impl FnOnce(&Self, [&str; 2]) -> Result<T, ExpressionError>,

@@ -5,6 +5,7 @@ mod arrays;
 #[path = "../../../pinc-ad/tests/suite/common.rs"]
 mod common;
 mod cost;
+mod nets;
 mod numbers;
 mod on_dual_numbers;
 mod outputs;

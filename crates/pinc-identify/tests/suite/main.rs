@@ -1,6 +1,7 @@
 //! Identification against answers of another program, and against what theory says of it.
 
 mod diagnosis;
+mod hybrid;
 mod outputs;
 mod recorded;
 mod shooting;

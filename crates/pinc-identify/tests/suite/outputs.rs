@@ -3,8 +3,8 @@
 use crate::support::{steps, texts};
 use pinc_expr::{Equations, OutputExpression};
 use pinc_identify::{
-    Channel, FitStatus, Identified, InitialState, Measured, Method, Problem, Recording, Unknown,
-    identify,
+    Channel, Criterion, FitStatus, Identified, InitialState, Measured, Method, Problem, Recording,
+    Unknown, identify,
 };
 use pinc_ode::{DynPlant, Integrator, Model, Variable};
 
@@ -50,6 +50,7 @@ fn problem(a: f64, channels: &[usize]) -> Problem {
         initial,
         low: 0.0,
         high: 5.0,
+        prior: None,
     };
     let channel = |&output: &usize| Channel {
         name: ["direct", "double"][output].to_owned(),
@@ -63,6 +64,7 @@ fn problem(a: f64, channels: &[usize]) -> Problem {
         initial_state: InitialState::Free(vec![0.0]),
         states: vec!["x".to_owned()],
         inputs: vec!["v".to_owned(), "w".to_owned()],
+        criterion: Criterion::Chosen,
     }
 }
 

@@ -2,8 +2,8 @@
 
 use crate::support::{noise, oscillator, plant, problem, simulated, steps};
 use pinc_identify::{
-    Diagnosis, FitStatus, Identified, IdentifyError, InitialState, Problem, Recording, identify,
-    identify_from_starts,
+    Diagnosis, FitStatus, Identified, IdentifyError, InitialState, Problem, Recording, Starts,
+    identify, identify_from_starts,
 };
 use pinc_ode::{DynPlant, Integrator, Model};
 
@@ -49,7 +49,8 @@ fn fit(plant: &dyn DynPlant, level: f64, starts: usize, threads: usize) -> Ident
     let (u, y) = data(plant);
     let recording = Recording { name: "cascade", u: &u, y: &y };
     let problem = from_level(plant, level);
-    identify_from_starts(copies(plant, starts), &problem, &[recording], 1, threads).unwrap()
+    let of = Starts { seed: 1, threads, ..Starts::default() };
+    identify_from_starts(copies(plant, starts), &problem, &[recording], of).unwrap()
 }
 
 /// With an overflow far above all levels nothing tells of it, and the fit ends where it cannot.
@@ -153,7 +154,8 @@ fn the_result_does_not_depend_on_threads_but_on_the_seed() {
     let starts = |seed: u64, threads: usize| {
         let models = (0..6).map(|_| plant.model(Integrator::Rk4, 0.1, 2).unwrap()).collect();
         let recording = Recording { name: "oscillator", u: &u, y: &y };
-        identify_from_starts(models, &problem, &[recording], seed, threads).unwrap().starts
+        let of = Starts { seed, threads, ..Starts::default() };
+        identify_from_starts(models, &problem, &[recording], of).unwrap().starts
     };
     assert_eq!(starts(1, 1), starts(1, 3));
     assert_ne!(starts(1, 2), starts(2, 2));
@@ -167,7 +169,7 @@ fn several_starts_need_bounds() {
     let recording = Recording { name: "none", u: &[0.0; 5], y: &[1.0; 10] };
     let starts = |count: usize| {
         let models = (0..count).map(|_| plant.model(Integrator::Rk4, 0.1, 2).unwrap()).collect();
-        identify_from_starts(models, &problem, &[recording], 1, 1)
+        identify_from_starts(models, &problem, &[recording], Starts::default())
     };
     let refused = IdentifyError::NoBounds { name: "k".to_owned(), starts: 3 };
     assert_eq!(starts(3).unwrap_err(), refused);

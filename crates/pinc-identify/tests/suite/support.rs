@@ -1,7 +1,7 @@
 //! Plants and data for the tests.
 
 use pinc_expr::Equations;
-use pinc_identify::{Channel, InitialState, Measured, Problem, Unknown};
+use pinc_identify::{Channel, Criterion, InitialState, Measured, Problem, Unknown};
 use pinc_ode::{DynPlant, Model, Variable};
 use rand::SeedableRng;
 use rand::rngs::ChaCha8Rng;
@@ -72,6 +72,7 @@ pub(crate) fn problem(
         initial,
         low,
         high,
+        prior: None,
     });
     Problem {
         channels: measured.iter().map(channel).collect(),
@@ -80,6 +81,7 @@ pub(crate) fn problem(
         initial_state,
         states: plant.states().iter().map(|state| state.name.to_string()).collect(),
         inputs: plant.inputs().iter().map(|input| input.name.to_string()).collect(),
+        criterion: Criterion::Chosen,
     }
 }
 

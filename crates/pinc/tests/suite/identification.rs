@@ -277,3 +277,77 @@ fn a_fit_begins_at_several_points_within_the_bounds() {
         .assert_refused(&["a needs a lower and an upper bound", "the 4 starts"]);
     assert_eq!(run(&config, &["--starts", "0"]).code, Some(2));
 }
+
+/// The tank with a wrong outlet, and a net for what is missing.
+const HYBRID: &str = r#"
+name = "hybrid"
+preset = "ours"
+seed = 1
+[plant.expression]
+states = [{ name = "h", unit = "cm" }]
+inputs = [{ name = "u", unit = "V" }]
+parameters = { k = 1.86 }
+derivatives = { h = "(k*u - 0.8*h + 2*rest)/28" }
+nets.rest = { inputs = ["(h - 6)/4"], outputs = ["rest"], layers = [3] }
+[identify]
+initial_state = [8.0]
+measurement_sd = [0.02]
+step_s = 10.0
+nets = [{ name = "rest", weight_sd = 3.0 }]
+starts = 3
+finished_starts = 1
+"#;
+
+#[test]
+fn a_hybrid_is_learned_judged_on_unseen_data_and_a_plant_like_any_other() {
+    let (dir, config) = directory(HYBRID);
+    let file = |name: &str| text(&dir.path().join(name));
+    let csv = tank_csv(140, 1.0);
+    let unseen: Vec<&str> = csv.lines().take(1).chain(csv.lines().skip(91)).collect();
+    let seen: Vec<&str> = csv.lines().take(91).collect();
+    fs::write(file("seen.csv"), seen.join("\n")).unwrap();
+    fs::write(file("unseen.csv"), unseen.join("\n")).unwrap();
+    let identify = |config: &str, out: &str, sets: &[&str]| {
+        let (seen, unseen, out) = (file("seen.csv"), file("unseen.csv"), file(out));
+        let mut arguments = vec!["identify", config, "--data", &seen, "--validate", &unseen];
+        arguments
+            .extend(["--out", &out].into_iter().chain(sets.iter().flat_map(|of| ["--set", of])));
+        let found = outcome(&mut pinc(&arguments));
+        assert_eq!(found.code, Some(0), "{found:?}");
+        (found.stdout, json(Path::new(&out)))
+    };
+    let error = |of: &Value| of["held_out"][0]["rms"]["h"].as_f64().unwrap();
+    let equation = ["identify.nets=[]", "identify.parameters=[{ name = \"k\", initial = 1.86 }]"];
+    let (said, without) = identify(&config, "without", &equation);
+    assert!(said.contains("note: h: the residuals are not white"), "{said}");
+    let (said, with) = identify(&config, "with", &[]);
+    assert!(
+        said.contains("rest: 10 weights of") && said.contains("unseen.csv, held out"),
+        "{said}"
+    );
+    assert!(error(&with) < 0.25 * error(&without), "{with} {without}");
+    assert_eq!(with["held_out"][0]["fitted_rows"], 5);
+    assert_eq!(with["nets"], serde_json::json!(["rest"]));
+    let ends = with["minima"].as_array().unwrap();
+    assert_eq!(ends.iter().map(|of| of["starts"].as_u64().unwrap()).sum::<u64>(), 2);
+
+    // The weights are in a file beside the config of the plant that was found.
+    let (identified, weights) = (file("with/identified.toml"), file("with/weights-rest.csv"));
+    let written = fs::read_to_string(&identified).unwrap();
+    assert!(written.contains("weights = \"weights-rest.csv\""), "{written}");
+    let first = with["parameters"]["rest[1]"]["value"].as_f64().unwrap();
+    let rows = fs::read_to_string(&weights).unwrap();
+    let rows: Vec<&str> = rows.lines().collect();
+    assert_eq!((rows.len(), rows[0]), (11, "weight"));
+    assert_eq!(rows[1].parse::<f64>().unwrap().to_bits(), first.to_bits());
+    let checked = outcome(&mut pinc(&["check", &identified]));
+    assert_eq!(checked.code, Some(0), "{checked:?}");
+    // A fit of the initial state alone has the weights as they are.
+    let (_, again) = identify(&identified, "again", &["identify.nets=[]"]);
+    assert!((error(&again) - error(&with)).abs() < 1e-6 * error(&with), "{again}");
+    fs::write(&weights, "weight\n0.5\nno\n").unwrap();
+    let refused = outcome(&mut pinc(&["check", &identified]));
+    assert_eq!(refused.code, Some(2), "{refused:?}");
+    assert!(refused.stderr.contains("plant.expression.nets.rest.weights"), "{refused:?}");
+    assert!(refused.stderr.contains("weights-rest.csv, line 3: no"), "{refused:?}");
+}
