@@ -10,7 +10,7 @@ use std::path::{Path, PathBuf};
 use toml::{Table, Value};
 
 /// Our crates with the ones of ours that each depends on, from the bottom up.
-const CRATES: [(&str, &[&str]); 24] = [
+const CRATES: [(&str, &[&str]); 25] = [
     ("pinc-ad", &[]),
     ("pinc-qp", &[]),
     ("pinc-chart", &[]),
@@ -19,7 +19,8 @@ const CRATES: [(&str, &[&str]); 24] = [
     ("pinc-plants", &["pinc-ad", "pinc-expr", "pinc-ode"]),
     ("pinc-analysis", &["pinc-ode"]),
     ("pinc-net", &["pinc-ad", "pinc-ode"]),
-    ("pinc-mpc", &["pinc-ad", "pinc-ode", "pinc-qp"]),
+    ("pinc-tube", &["pinc-ode"]),
+    ("pinc-mpc", &["pinc-ad", "pinc-ode", "pinc-qp", "pinc-tube"]),
     ("pinc-batch", &["pinc-mpc", "pinc-ode"]),
     ("pinc-estimate", &["pinc-mpc", "pinc-ode", "pinc-qp"]),
     ("pinc-identify", &["pinc-estimate", "pinc-ode"]),
@@ -39,6 +40,7 @@ const CRATES: [(&str, &[&str]); 24] = [
             "pinc-net",
             "pinc-ode",
             "pinc-plants",
+            "pinc-tube",
         ],
     ),
     ("pinc-record", &["pinc-config", "pinc-mpc", "pinc-net"]),
@@ -50,9 +52,11 @@ const CRATES: [(&str, &[&str]); 24] = [
             "pinc-config",
             "pinc-estimate",
             "pinc-expr",
+            "pinc-mpc",
             "pinc-net",
             "pinc-ode",
             "pinc-record",
+            "pinc-tube",
             "pinc-verify",
         ],
     ),
@@ -77,6 +81,7 @@ const CRATES: [(&str, &[&str]); 24] = [
             "pinc-ode",
             "pinc-record",
             "pinc-report",
+            "pinc-tube",
             "pinc-verify",
         ],
     ),

@@ -144,6 +144,9 @@ impl Nmpc {
         if !dims.tree.is_chain() {
             return Err(MpcError::ScenarioDerivatives);
         }
+        if self.tightened().is_some() {
+            return Err(MpcError::WithTube("derivatives of a plan"));
+        }
         let outputs = self.problem().tracked.len();
         check_finite("reference", reference, dims.horizon * outputs)?;
         check_finite("u_before", u_before, dims.nu)?;
