@@ -269,6 +269,15 @@ impl Experiment {
         LoopParameters { names, values, estimated }
     }
 
+    /// Whether the controller is told several values of a parameter.
+    #[must_use]
+    pub fn has_uncertain_parameters(&self) -> bool {
+        self.control.as_ref().is_some_and(|control| {
+            let intervals = control.uncertainty.as_ref().map(|of| &of.parameters);
+            control.scenarios.is_some() || intervals.is_some_and(|of| !of.is_empty())
+        })
+    }
+
     /// The scenarios of the controller, if it has any, by the places of
     /// [`Experiment::loop_parameters`].
     #[must_use]

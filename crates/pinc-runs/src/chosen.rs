@@ -96,8 +96,7 @@ impl<'e> Chosen<'e> {
             Some((bytes, net))
                 if estimated.is_empty()
                     && measured.is_empty()
-                    && spec.scenarios.is_none()
-                    && spec.uncertainty.as_ref().is_none_or(|of| of.parameters.is_empty()) =>
+                    && !experiment.has_uncertain_parameters() =>
             {
                 let own =
                     names.iter().zip(&values).map(|(name, value)| ((*name).to_owned(), *value));
