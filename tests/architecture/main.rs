@@ -10,7 +10,7 @@ use std::path::{Path, PathBuf};
 use toml::{Table, Value};
 
 /// Our crates with the ones of ours that each depends on, from the bottom up.
-const CRATES: [(&str, &[&str]); 26] = [
+const CRATES: [(&str, &[&str]); 27] = [
     ("pinc-ad", &[]),
     ("pinc-qp", &["pinc-ad"]),
     ("pinc-chart", &[]),
@@ -19,7 +19,8 @@ const CRATES: [(&str, &[&str]); 26] = [
     ("pinc-plants", &["pinc-ad", "pinc-expr", "pinc-ode"]),
     ("pinc-analysis", &["pinc-ode"]),
     ("pinc-net", &["pinc-ad", "pinc-ode"]),
-    ("pinc-mpc", &["pinc-ad", "pinc-ode", "pinc-qp"]),
+    ("pinc-tube", &["pinc-ode"]),
+    ("pinc-mpc", &["pinc-ad", "pinc-ode", "pinc-qp", "pinc-tube"]),
     ("pinc-sensitivity", &["pinc-mpc", "pinc-ode", "pinc-qp"]),
     ("pinc-batch", &["pinc-mpc", "pinc-ode", "pinc-sensitivity"]),
     ("pinc-shrink", &["pinc-batch", "pinc-mpc", "pinc-net", "pinc-ode", "pinc-sensitivity"]),
@@ -41,6 +42,7 @@ const CRATES: [(&str, &[&str]); 26] = [
             "pinc-net",
             "pinc-ode",
             "pinc-plants",
+            "pinc-tube",
         ],
     ),
     ("pinc-record", &["pinc-config", "pinc-mpc", "pinc-net"]),
@@ -52,9 +54,11 @@ const CRATES: [(&str, &[&str]); 26] = [
             "pinc-config",
             "pinc-estimate",
             "pinc-expr",
+            "pinc-mpc",
             "pinc-net",
             "pinc-ode",
             "pinc-record",
+            "pinc-tube",
             "pinc-verify",
         ],
     ),
@@ -80,6 +84,7 @@ const CRATES: [(&str, &[&str]); 26] = [
             "pinc-record",
             "pinc-report",
             "pinc-sensitivity",
+            "pinc-tube",
             "pinc-verify",
         ],
     ),

@@ -154,7 +154,7 @@ fn along_the_loop(
 }
 
 /// The places of the first samples of steps in the trace of a rehearsal.
-fn marks(rehearsal: &Rehearsal, step_s: f64) -> Vec<usize> {
+pub(crate) fn marks(rehearsal: &Rehearsal, step_s: f64) -> Vec<usize> {
     let mut marks: Vec<usize> = Vec::new();
     for (i, t) in rehearsal.trace.times().iter().enumerate() {
         #[expect(clippy::cast_precision_loss, reason = "a few steps")]

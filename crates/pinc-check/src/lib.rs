@@ -33,6 +33,7 @@ mod soundness;
 mod stability;
 mod substeps;
 mod time_unit;
+mod tube;
 mod work;
 
 pub use cost::{Cost, ModelCost};
@@ -70,7 +71,7 @@ const fn on(topic: &'static str, examine: fn(&Subject<'_>) -> Vec<Finding>) -> E
 }
 
 /// All of them, in the order of their findings.
-const EXAMINATIONS: [Examination; 18] = [
+const EXAMINATIONS: [Examination; 19] = [
     on("dimensions", dimensions),
     on("values and derivatives", derivatives::examine),
     on("algebraic variables", algebraic::examine),
@@ -83,6 +84,7 @@ const EXAMINATIONS: [Examination; 18] = [
     on("the plant of the loop", loop_plant::examine),
     on("the estimator", estimation::examine),
     on("bounds", bounds::examine),
+    on("the tube", tube::examine),
     on("the closed loop", rehearsal::examine),
     on("where trajectories go", excursions::examine),
     on("the integrators' errors", substeps::examine),

@@ -2,7 +2,8 @@
 
 use crate::estimator::{EstimatorSpec, MeasurementSpec};
 use crate::{
-    BoundStep, CostSpec, LoadSpec, ModelKind, ParameterStep, PlantSpec, ScenarioSpec, Variables,
+    BoundStep, CostSpec, LoadSpec, ModelKind, ParameterStep, PlantSpec, ScenarioSpec,
+    UncertaintySpec, Variables,
 };
 use pinc_mpc::{Bounds, NmpcProblem, Softness, SqpConfig, Tracked, Weight, Weights};
 use pinc_ode::Variable;
@@ -42,6 +43,10 @@ pub struct ControlSpec {
     /// bounds hold in all of them; if absent, for one value of each parameter.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub scenarios: Option<ScenarioSpec>,
+    /// What is uncertain of model and state. The controller then keeps a distance to its bounds; if
+    /// absent, it takes both for true.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub uncertainty: Option<UncertaintySpec>,
     /// Other values of the models' parameters in parts of the run: what the controller is told.
     /// Functions of t and columns of a file may take the place of the list.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]

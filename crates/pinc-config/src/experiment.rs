@@ -17,6 +17,7 @@ use crate::problem::{ConfigError, Problem};
 use crate::sampled;
 use crate::sweep::SweepSpec;
 use crate::training::{Effort, TrainingSpec};
+use crate::uncertainty;
 use pinc_expr::TimeUnit;
 use pinc_mpc::Scenarios;
 use pinc_net::{Domain, NetConfig, ValidationConfig};
@@ -152,6 +153,7 @@ impl Experiment {
     /// The experiment of a resolved table, checked; or the key and what is wrong with its value.
     fn from_table(mut table: Table, plants: &Plants) -> Result<Self, (String, Problem)> {
         let schedules = sampled::write_out(&mut table)?;
+        uncertainty::read_identified(&mut table)?;
         let as_written = arrays::write_out(&mut table, plants)?.and(schedules);
         let mut experiment = Self::deserialized(table)?;
         experiment.as_written = as_written;
@@ -238,7 +240,7 @@ impl Experiment {
     }
 
     /// The parameters of the models in the loop: those that vary, those that an estimator
-    /// estimates, and those of scenarios.
+    /// estimates, and those that are uncertain.
     #[must_use]
     pub fn loop_parameters(&self) -> LoopParameters<'_> {
         let (mut names, mut values) = (self.varying(), self.model_parameters());
@@ -255,8 +257,12 @@ impl Experiment {
             estimated.push(place);
         }
         let nominal = self.plant.parameters();
-        let scenarios = self.control.as_ref().and_then(|control| control.scenarios.as_ref());
-        for name in scenarios.into_iter().flat_map(|scenarios| scenarios.values.keys()) {
+        let control = self.control.as_ref();
+        let scenarios = control.and_then(|control| control.scenarios.as_ref());
+        let intervals = control.and_then(|control| control.uncertainty.as_ref());
+        let uncertain = intervals.into_iter().flat_map(|uncertain| uncertain.parameters.keys());
+        let branching = scenarios.into_iter().flat_map(|scenarios| scenarios.values.keys());
+        for name in branching.chain(uncertain) {
             if !names.contains(&name.as_str())
                 && let Some(value) = nominal.get(name)
             {
@@ -265,6 +271,15 @@ impl Experiment {
             }
         }
         LoopParameters { names, values, estimated }
+    }
+
+    /// Whether the controller is told several values of a parameter.
+    #[must_use]
+    pub fn has_uncertain_parameters(&self) -> bool {
+        self.control.as_ref().is_some_and(|control| {
+            let intervals = control.uncertainty.as_ref().map(|of| &of.parameters);
+            control.scenarios.is_some() || intervals.is_some_and(|of| !of.is_empty())
+        })
     }
 
     /// The scenarios of the controller, if it has any, by the places of

@@ -40,6 +40,7 @@ mod stages;
 mod sweep;
 mod training;
 mod trial;
+mod uncertainty;
 mod validate;
 
 pub use black_box::{FmuSpec, ProcessSpec};
@@ -77,5 +78,8 @@ pub use training::{Effort, TrainingSpec};
 pub use trial::{
     CANDIDATE, CASE, DRAW, DRAWN, SEED, SearchPlace, Trial, cell_columns, columns, sweep_models,
     trials,
+};
+pub use uncertainty::{
+    FeedbackSpec, FeedbackWord, ProbabilitySpec, TubeParts, UncertaintySpec, WorstCase,
 };
 pub use validate::limits::STEPS as MOST_STEPS;

@@ -90,10 +90,8 @@ impl OutputFeedback {
 
     /// The normalized error squared at the true state `x`.
     fn nees(&mut self, x: &[f64]) -> f64 {
-        let (n, nz) = (x.len(), self.estimator.dims().nx);
-        let p = self.estimator.covariance();
-        self.covariance.clear();
-        (0..n).for_each(|i| self.covariance.extend(&p[i * nz..i * nz + n]));
+        let n = x.len();
+        state_covariance(&*self.estimator, n, &mut self.covariance);
         self.root.resize(n * n, 0.0);
         self.error.clear();
         self.error.extend(self.estimator.estimate().iter().zip(x).map(|(z, x)| z - x));
@@ -108,6 +106,13 @@ impl OutputFeedback {
         solve_lower(&self.root, &mut self.error);
         dot(&self.error, &self.error)
     }
+}
+
+/// Writes the covariance of the first `n` quantities that an estimator estimates: of the state.
+pub fn state_covariance(estimator: &dyn Estimator, n: usize, covariance: &mut Vec<f64>) {
+    let rows = estimator.covariance().chunks_exact(estimator.dims().nx).take(n);
+    covariance.clear();
+    rows.for_each(|row| covariance.extend(&row[..n]));
 }
 
 impl Observer for OutputFeedback {
@@ -126,6 +131,10 @@ impl Observer for OutputFeedback {
         history.sd.extend(variances.map(|variance| variance.sqrt()));
         history.innovations.extend(self.estimator.innovation());
         history.corrections.push(correction);
+    }
+
+    fn covariance(&self) -> Option<&[f64]> {
+        Some(&self.covariance)
     }
 
     fn advance(&mut self, u: &[f64]) {

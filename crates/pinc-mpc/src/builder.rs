@@ -5,6 +5,7 @@ use crate::horizon::Horizon;
 use crate::sqp::Sqp;
 use crate::{MpcError, Nmpc, NmpcProblem, SqpConfig, StageCost};
 use pinc_ode::Model;
+use pinc_tube::Tube;
 
 /// The parts of a controller.
 ///
@@ -32,13 +33,14 @@ pub struct NmpcBuilder {
     stage_cost: Option<Box<dyn StageCost>>,
     config: SqpConfig,
     guard: Option<Guard>,
+    tube: Option<Box<dyn Tube>>,
 }
 
 impl NmpcBuilder {
     /// A controller for `problem`, so far without a model.
     pub fn new(problem: NmpcProblem) -> Self {
         let (models, config) = (Vec::new(), SqpConfig::default());
-        Self { problem, models, stage_cost: None, config, guard: None }
+        Self { problem, models, stage_cost: None, config, guard: None, tube: None }
     }
 
     /// One model for all stages.
@@ -77,6 +79,14 @@ impl NmpcBuilder {
         self
     }
 
+    /// Tightens the bounds of each step by `tube`, along the plan of the step before (zero-order
+    /// robust optimization: A. Zanelli, J. Frey, F. Messerer, M. Diehl, IFAC-PapersOnLine 54-6
+    /// (2021)). The controller has stages of one length, no scenarios, no delay and no substitute.
+    pub fn tube(mut self, tube: Box<dyn Tube>) -> Self {
+        self.tube = Some(tube);
+        self
+    }
+
     /// The controller.
     ///
     /// # Errors
@@ -85,7 +95,7 @@ impl NmpcBuilder {
     /// the problem does not suit the models, these do not make up the horizon, or
     /// the configuration is no sensible choice.
     pub fn build(self) -> Result<Nmpc, MpcError> {
-        let Self { problem, models, stage_cost, config, guard } = self;
+        let Self { problem, models, stage_cost, config, guard, tube } = self;
         if let Some((model, _)) = models.first() {
             problem.validate(model.dims())?;
         }
@@ -101,7 +111,21 @@ impl NmpcBuilder {
         if !horizon.is_uniform() && !problem.tree().is_chain() {
             return Err(MpcError::UnequalScenarios);
         }
-        let sqp = Sqp::new(&problem, config, &horizon, stage_cost)?;
+        let mut sqp = Sqp::new(&problem, config, &horizon, stage_cost)?;
+        if let Some(tube) = tube {
+            let substituted = guard.as_ref().is_some_and(|guard| guard.substitute.is_some());
+            for (what, is_there) in [
+                ("scenarios", !problem.tree().is_chain()),
+                ("stages of different lengths", !horizon.is_uniform()),
+                ("a delay", problem.delay > 0),
+                ("a substitute controller", substituted),
+            ] {
+                if is_there {
+                    return Err(MpcError::WithTube(what));
+                }
+            }
+            sqp.transcription.set_tube(tube, horizon.dims().ny);
+        }
         let nmpc = Nmpc::of(problem, horizon, config, sqp);
         nmpc.with_guard(guard)
     }

@@ -100,6 +100,8 @@ pub struct StepRecord {
     pub cost: f64,
     /// Whether the model was trusted in the plan's first step.
     pub trust: Trust,
+    /// Whether the plan keeps the bounds of the controller's tube, if there is one.
+    pub in_tube: Option<bool>,
 }
 
 /// A step between its two parts: the input is chosen, the plant has not moved. If it is dropped,
@@ -243,6 +245,9 @@ impl<'a> ClosedLoop<'a> {
         let mut y = vec![0.0; self.plant.dims().ny];
         self.plant.output(&self.x, &self.acted[0], &mut y);
         watch.observe(PlantNow { step: self.done, x: &self.x, y: &y });
+        if let Some(covariance) = watch.covariance() {
+            self.nmpc.set_covariance(covariance);
+        }
         self.nmpc.set_parameters(&watch.parameters)
     }
 
@@ -309,10 +314,15 @@ impl<'a> ClosedLoop<'a> {
             curvature_dropped: step.curvature_dropped,
             cost: step.cost,
             trust: step.trust,
+            in_tube: None,
         });
         let chosen = delay * step.u.len();
         self.inputs[chosen..].copy_from_slice(step.u);
         self.chosen = true;
+        let tightened = self.nmpc.tightened();
+        if let Some(record) = &mut self.record {
+            record.in_tube = tightened.map(|of| of.fits);
+        }
         Ok(Some(Control { run: self }))
     }
 

@@ -87,6 +87,9 @@ pub enum MpcError {
     /// Scenarios with a stage cost that leaves its Hessian to the optimization.
     #[error("scenarios need a stage cost with a Hessian of its own")]
     CurvedScenarios,
+    /// A tube where none can be.
+    #[error("a tube does not go with {0}")]
+    WithTube(&'static str),
     /// Derivatives of a plan on a scenario tree.
     #[error("a plan for scenarios has no derivatives")]
     ScenarioDerivatives,

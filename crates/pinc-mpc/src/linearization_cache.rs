@@ -2,8 +2,9 @@
 
 use crate::horizon::Horizon;
 use crate::{NmpcProblem, Scenarios};
-use pinc_ode::{Linearization, Model, Stages};
+use pinc_ode::{Dims, Linearization, Model, Stages};
 use pinc_qp::{OcpDims, all_finite};
+use pinc_tube::AlongPlan;
 
 /// The model, linearized at all stages of a plan.
 ///
@@ -27,6 +28,8 @@ pub(crate) struct LinearizationCache {
     one_p: bool,
     /// Whether there are numbers in `stages`.
     known: bool,
+    /// Whether there are numbers in `stages`, be they of other parameters.
+    filled: bool,
     /// At how many stages the model has been asked.
     pub(crate) evaluated: usize,
 }
@@ -60,6 +63,7 @@ impl LinearizationCache {
             ends: StageBlocks::new(dims, 2),
             one_p: true,
             known: false,
+            filled: false,
             evaluated: 0,
         };
         cache.set_parameters(p);
@@ -107,7 +111,7 @@ impl LinearizationCache {
 
     /// Forgets what is known.
     pub(crate) fn forget(&mut self) {
-        self.known = false;
+        (self.known, self.filled) = (false, false);
     }
 
     /// Linearizes along the plan `z` from `x0`; whether it came to the end before `expired` said
@@ -145,7 +149,25 @@ impl LinearizationCache {
             let by = |at: Stages<'_>, out: Linearization<'_>| horizon.linearize(at, out, expired);
             self.known = self.stages.linearize(&self.parameters[..p], by);
         }
+        self.filled = self.known;
         self.known
+    }
+
+    /// Whether the model was linearized along a plan, of whichever parameters.
+    pub(crate) fn is_filled(&self) -> bool {
+        self.filled
+    }
+
+    /// The model along the last plan, moved on by `shift` stages; `None` where it has no value.
+    pub(crate) fn ahead(&self, shift: usize) -> Option<AlongPlan<'_>> {
+        if !self.filled || !self.stages.is_finite() {
+            return None;
+        }
+        let StageBlocks { points: Points { x, u }, a, b, .. } = &self.stages;
+        let OcpDims { nx, nu, .. } = self.dims;
+        let dims = Dims::new(nx, nu).with_parameters(self.counts[1]);
+        let stages = Stages { x, u, p: self.stage_parameters() };
+        Some(AlongPlan::new(stages, [a, b], dims, shift))
     }
 
     /// Whether the stages between the first and the last are those that came one later before.
@@ -219,7 +241,6 @@ impl StageBlocks {
 mod tests {
     use super::*;
     use crate::Weights;
-    use pinc_ode::Dims;
 
     /// x\[k+1\] = x + u^2
     #[derive(Debug)]

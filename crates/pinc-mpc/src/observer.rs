@@ -13,6 +13,11 @@ pub trait Observer: Debug {
     /// `x`: as the model's states; `parameters`: as its parameters.
     fn observe(&mut self, plant: PlantNow<'_>, x: &mut [f64], parameters: &mut [f64]);
 
+    /// The covariance of the state that was given last, `[n, n]`, where it is known.
+    fn covariance(&self) -> Option<&[f64]> {
+        None
+    }
+
     /// Takes note of the input that acts on the plant in this step, `m`.
     fn advance(&mut self, u: &[f64]);
 }
@@ -49,6 +54,10 @@ impl<'a> Watch<'a> {
         if self.asked.replace(plant.step) != Some(plant.step) {
             self.observer.observe(plant, &mut self.x, &mut self.parameters);
         }
+    }
+
+    pub(crate) fn covariance(&self) -> Option<&[f64]> {
+        self.observer.covariance()
     }
 
     pub(crate) fn advance(&mut self, u: &[f64]) {

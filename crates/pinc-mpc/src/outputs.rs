@@ -140,6 +140,11 @@ impl OutputPoints {
         horizon.at(j - 1).linearize_output(at, out);
     }
 
+    /// The outputs of all intervals, `[N, ny]`.
+    pub(crate) fn all(&self) -> &[f64] {
+        &self.y
+    }
+
     /// The outputs in the interval that leads to stage `j`, from 1 on.
     pub(crate) fn y(&self, j: usize) -> &[f64] {
         &self.y[(j - 1) * self.model.ny..j * self.model.ny]

@@ -5,6 +5,7 @@ use crate::guess::Phase;
 use crate::reference::steps_until;
 use crate::{Bounds, MpcError, Nmpc, NmpcProblem};
 use pinc_ode::Dims;
+use pinc_tube::Tightened;
 use std::ops::Range;
 
 /// Rows of numbers, each of which holds from a control step on, until the next: parameters, or the
@@ -244,6 +245,20 @@ impl Nmpc {
             self.begin_anew();
         }
         Ok(())
+    }
+
+    /// What its tube did to the bounds of the last step; `None` without a tube.
+    #[must_use]
+    pub fn tightened(&self) -> Option<Tightened<'_>> {
+        self.sqp.transcription.tightened(&self.plan().z)
+    }
+
+    /// Tells the tube, if there is one, how uncertain the state of the next step is: its covariance,
+    /// `[n, n]`.
+    pub fn set_covariance(&mut self, covariance: &[f64]) {
+        if let Some(tube) = self.sqp.transcription.tube() {
+            tube.set_covariance(covariance);
+        }
     }
 
     /// What was prepared for other bounds or parameters is prepared again.

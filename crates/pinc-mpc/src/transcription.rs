@@ -15,6 +15,7 @@ use crate::timetable::Part;
 use crate::units::Units;
 use crate::{BoundSchedule, Bounds, Constraints, NmpcProblem};
 use pinc_qp::{OcpDims, Qp, Row, all_finite};
+use pinc_tube::{Tightened, Tightening, Tube};
 use std::ops::Range;
 
 /// The control problem in the unknowns z, and its linearization.
@@ -29,6 +30,8 @@ pub(crate) struct Transcription {
     pub(crate) bounds: Bounds,
     /// Bounds on all increments.
     pub(crate) increments: Bounds,
+    /// What tightens bounds on z and on outputs.
+    tightening: Option<Tightening>,
     /// Whether there are any of these.
     limits_increments: bool,
     /// Bounds on the outputs at all constrained stages.
@@ -74,6 +77,7 @@ impl Transcription {
             bounds: states.chain(inputs),
             limits_increments: increments.low.iter().chain(&increments.high).any(|b| b.is_finite()),
             increments,
+            tightening: None,
             output_bounds: output_bounds.map_or(Bounds::none(0), outputs),
             constraints: problem.constraints.clone(),
             work: ConstraintWork::new(model, dims.general()),
@@ -169,9 +173,13 @@ impl Transcription {
     ) {
         let dims = self.dims;
         let width = dims.outputs + dims.feedthrough;
+        let own = [&mut self.bounds, &mut self.output_bounds];
+        let [[low, high], [y_low, y_high]] = match &mut self.tightening {
+            Some(tightening) => tightening.given.each_mut().map(|sides| sides.each_mut()),
+            None => own.map(|of| [&mut of.low, &mut of.high]),
+        };
         for stage in 0..dims.horizon {
             let Range { start, end } = covered(stage);
-            let Bounds { low, high } = &mut self.bounds;
             let state = dims.next_state(stage);
             let until = end + usize::from(preview);
             let sides = (&mut low[state.clone()], &mut high[state]);
@@ -182,12 +190,52 @@ impl Transcription {
                 schedule.write(start..end, Part::Input, sides.0, sides.1);
             }
             if let Some(row) = (stage + 1).checked_sub(dims.n1).filter(|_| width > 0) {
-                let Bounds { low, high } = &mut self.output_bounds;
                 let output = row * width..(row + 1) * width;
-                let sides = (&mut low[output.clone()], &mut high[output]);
+                let sides = (&mut y_low[output.clone()], &mut y_high[output]);
                 schedule.write(start..end, Part::Output, sides.0, sides.1);
             }
         }
+    }
+
+    /// Lets `tube` tighten the bounds, of a model with `ny` outputs.
+    pub(crate) fn set_tube(&mut self, tube: Box<dyn Tube>, ny: usize) {
+        let given = [&self.bounds, &self.output_bounds].map(|of| [of.low.clone(), of.high.clone()]);
+        let dims = self.dims;
+        let sizes = [dims.all_states(), dims.all_inputs(), dims.horizon * ny];
+        self.tightening = Some(Tightening::new(tube, sizes, given));
+    }
+
+    /// The tube, if there is one.
+    pub(crate) fn tube(&mut self) -> Option<&mut dyn Tube> {
+        self.tightening.as_mut().map(Tightening::tube)
+    }
+
+    /// Tightens the bounds of a plan from `x0`, of which `z` is the first guess, along the points
+    /// where the model was linearized last: the plan of the step before, unless the guess `is_known`
+    /// there; whether bounds changed. Where the model has no value, they stay as they are.
+    pub(crate) fn tighten(
+        &mut self,
+        horizon: &mut Horizon,
+        at: [&[f64]; 2],
+        is_known: bool,
+    ) -> bool {
+        let Some(tightening) = &mut self.tightening else { return false };
+        let shift = !is_known && self.cache.is_filled();
+        if !shift && !is_known {
+            self.cache.follow(horizon, at, &mut || false);
+        }
+        let Some(along) = self.cache.ahead(usize::from(shift)) else { return false };
+        let bounds = [&mut self.bounds, &mut self.output_bounds];
+        tightening.tighten(along, bounds.map(|of| [&mut of.low[..], &mut of.high]));
+        true
+    }
+
+    /// What became of the bounds, for a plan `z` that the outputs are of.
+    pub(crate) fn tightened(&self, z: &[f64]) -> Option<Tightened<'_>> {
+        let of = self.tightening.as_ref()?;
+        let y = self.outputs.as_ref().map_or(&[][..], |outputs| outputs.ends().all());
+        let bounds = [&self.bounds, &self.output_bounds].map(|of| [&of.low[..], &of.high]);
+        Some(of.judge(bounds, z, y))
     }
 
     /// At how many stages the model has been linearized since this was last asked.

@@ -8,6 +8,7 @@ use pinc_mpc::{
 };
 use pinc_ode::{Dims, Dopri5, Linearization, Model, Rk4, Stages};
 use pinc_plants::{FourTanks, VanDerPol};
+use pinc_tube::{EllipsoidTube, Feedback, Sources, TubeModel, TubeUnits};
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
 
@@ -90,6 +91,25 @@ fn oscillator(config: SqpConfig) -> Nmpc {
     Nmpc::new(problem, Box::new(model), config).unwrap()
 }
 
+/// With a tube along a plan, from all kinds of sources.
+fn with_tube(config: SqpConfig) -> Nmpc {
+    let nmpc = tanks(config);
+    let (problem, model) = (nmpc.problem().clone(), Rk4::new(FourTanks::antonelo(), 10.0, 4));
+    let problem = NmpcProblem { output_bounds: Some(problem.state_bounds.clone()), ..problem };
+    let sources = Sources {
+        probability: Some(0.9),
+        process_sd: vec![0.01; 4],
+        boxes: vec![0.01; 4],
+        ..Sources::default()
+    };
+    let units = TubeUnits { states: vec![10.0; 4], inputs: vec![3.0; 2] };
+    let own = TubeModel { model: Box::new(model.clone()), more: Vec::new() };
+    let sizes = (model.dims(), problem.horizon);
+    let tube = EllipsoidTube::new(sizes, sources, Some(own), Feedback::Riccati, units).unwrap();
+    let builder = Nmpc::builder(problem).model(Box::new(model)).config(config);
+    builder.tube(Box::new(tube)).build().unwrap()
+}
+
 fn tanks(config: SqpConfig) -> Nmpc {
     let model = Rk4::new(FourTanks::antonelo(), 10.0, 4);
     let problem = NmpcProblem {
@@ -126,6 +146,9 @@ fn a_control_step_allocates_nothing() {
             let cases = [near, near, outside, near, near];
             let (requests, statuses) = steps(&mut oscillator(config), &cases, 2);
             assert_eq!(requests, 0, "{qp} {statuses:?}");
+            let cases = [level, level, flooded, level];
+            let (requests, statuses) = steps(&mut with_tube(config), &cases, 4);
+            assert_eq!(requests, 0, "tube, {qp} {statuses:?}");
             let (requests, statuses) = steps(&mut tanks(config), &[level, flooded, level], 4);
             assert_eq!(requests, 0, "{qp} {statuses:?}");
             if !real_time {

@@ -52,7 +52,7 @@ pub use identification::{
 pub use metrics::{
     ControlMetrics, CostMetrics, EstimatorMetrics, Excess, FileNote, Metrics, ModelErrorMetrics,
     OneStepMetrics, OutsideDomain, PredictionMetrics, ReferenceMetrics, StepErrors, SweepMetrics,
-    TrainingMetrics, ValidationMetrics, is_failure,
+    TrainingMetrics, TubeMetrics, ValidationMetrics, is_failure,
 };
 pub use provenance::{Invocation, Provenance};
 pub use run_dir::RunDir;

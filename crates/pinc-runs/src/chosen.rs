@@ -87,15 +87,16 @@ impl<'e> Chosen<'e> {
             _ => None,
         };
         // In a family, a net stands for the member that the config names, unless an estimator or a
-        // measurement says which one it is, or there are scenarios; an integrator gets it at each
-        // call.
+        // measurement says which one it is, or it is uncertain; an integrator gets it at each call.
         let LoopParameters { names, values, estimated } = experiment.loop_parameters();
         let place = |name: &String| names.iter().position(|known| known == name);
         let measured: Vec<_> = experiment.measured_parameters().iter().filter_map(place).collect();
         let mut told = Cow::Borrowed(experiment);
         let (given, names, parameters) = match given {
             Some((bytes, net))
-                if estimated.is_empty() && measured.is_empty() && spec.scenarios.is_none() =>
+                if estimated.is_empty()
+                    && measured.is_empty()
+                    && !experiment.has_uncertain_parameters() =>
             {
                 let own =
                     names.iter().zip(&values).map(|(name, value)| ((*name).to_owned(), *value));

@@ -215,7 +215,7 @@ pub(super) fn rehearse(
     let integrator = spec.models.iter().find(|kind| **kind != ModelKind::Pinc);
     let other = if plant.black_box().is_some() { ModelKind::BlackBox } else { ModelKind::RK4 };
     let kind = integrator.copied().unwrap_or(other);
-    let spec = ControlSpec { estimator: None, ..spec.clone() };
+    let spec = ControlSpec { estimator: None, uncertainty: None, ..spec.clone() };
     let numerical = LoopSetup::numerical(&spec, sample_time_s, plant);
     let setup = LoopSetup { truth: metered, costed, ..numerical };
     let mut nmpc = setup.controller(kind, plant)?;
@@ -549,6 +549,7 @@ fn measured(
             curvature_dropped: totals.curvature_dropped,
         }),
         status: totals.status,
+        tube: totals.tube,
         references: setup.reached(run),
         outside_domain: None,
         model_error: None,

@@ -9,6 +9,7 @@ use pinc_net::{ModelError, NetError};
 use pinc_ode::OdeError;
 use pinc_record::RecordError;
 use pinc_report::ReportError;
+use pinc_tube::TubeError;
 use pinc_verify::VerifyError;
 use std::path::PathBuf;
 use thiserror::Error;
@@ -115,6 +116,9 @@ pub enum RunError {
     /// An estimator and its model that do not fit together.
     #[error(transparent)]
     Estimate(#[from] EstimateError),
+    /// A tube that does not suit its controller.
+    #[error("[control.uncertainty]: {0}")]
+    Tube(#[from] TubeError),
     /// A problem of identification that cannot be solved.
     #[error("identify: {0}")]
     Identify(#[from] IdentifyError),

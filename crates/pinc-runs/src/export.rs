@@ -131,27 +131,19 @@ pub fn export_controller(
                        control.stages_s, or use `pinc serve`";
         return Err(RunError::usage(&experiment.name, problem));
     }
-    if chosen.spec.first_plan.is_some() {
-        let instead = "a config without it, or `pinc serve`";
-        return Err(ExportError::Feature { feature: "control.first_plan", instead }.into());
-    }
-    if chosen.spec.cost.is_some() {
-        let instead = "q and r alone, or `pinc serve`";
-        return Err(ExportError::Feature { feature: "control.cost", instead }.into());
-    }
-    if !chosen.spec.bound_schedule.is_empty() {
-        return Err(ExportError::Feature {
-            feature: "control.bound_schedule",
-            instead: "constant bounds, or `pinc serve`",
+    let spec = chosen.spec;
+    let scheduled = !spec.bound_schedule.is_empty();
+    let judged = chosen.net().is_some() && !spec.error_tolerance.is_empty();
+    for (feature, instead, is_there) in [
+        ("control.first_plan", "a config without it, or `pinc serve`", spec.first_plan.is_some()),
+        ("control.cost", "q and r alone, or `pinc serve`", spec.cost.is_some()),
+        ("control.bound_schedule", "constant bounds, or `pinc serve`", scheduled),
+        ("control.uncertainty", "tighter bounds, or `pinc serve`", spec.uncertainty.is_some()),
+        ("control.error_tolerance", "a net that `pinc certify` proves, without the key", judged),
+    ] {
+        if is_there {
+            return Err(ExportError::Feature { feature, instead }.into());
         }
-        .into());
-    }
-    if chosen.net().is_some() && !chosen.spec.error_tolerance.is_empty() {
-        return Err(ExportError::Feature {
-            feature: "control.error_tolerance",
-            instead: "a config without it, whose net is proven over its domain: `pinc certify`",
-        }
-        .into());
     }
     let explicit = chosen.kind.integrator().filter(|method| method.tableau().is_some());
     let source = match (chosen.net(), &equations, explicit) {

@@ -41,6 +41,10 @@ impl Observer for TimedFeedback {
         self.correct_us.push(1e6 * self.last.get().as_secs_f64());
     }
 
+    fn covariance(&self) -> Option<&[f64]> {
+        self.feedback.covariance()
+    }
+
     fn advance(&mut self, u: &[f64]) {
         let clock = Instant::now();
         self.feedback.advance(u);

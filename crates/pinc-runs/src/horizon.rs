@@ -1,13 +1,14 @@
 //! The controller of a loop: a model for each length of stage that the horizon has.
 
 use super::control::LoopSetup;
-use super::model_error::{ErrorJudge, SharedLog, correction};
+use super::model_error::{ErrorJudge, NetError, SharedLog, correction};
 use crate::RunError;
-use pinc_config::{ModelKind, OnError, Variables};
+use pinc_config::{ModelKind, OnError, TubeParts, UncertaintySpec, Variables};
 use pinc_estimate::{Augmentation, Compensated};
 use pinc_mpc::{IntegratedCost, Nmpc, NmpcBuilder, NmpcProblem};
 use pinc_net::PincModel;
 use pinc_ode::{DynPlant, FlowModel, Integrator, Model, Quadrature, WithOutputs};
+use pinc_tube::{EllipsoidTube, StageError, TubeModel};
 
 impl LoopSetup<'_> {
     /// The model of a control step.
@@ -17,6 +18,36 @@ impl LoopSetup<'_> {
     /// [`RunError`] if a net does not suit or the plant has no such integrator.
     pub fn model(&self, kind: ModelKind, plant: &dyn DynPlant) -> Result<Box<dyn Model>, RunError> {
         self.model_for(kind, plant, self.sample_time_s)
+    }
+
+    /// The tube of `spec` for a controller of `problem`.
+    fn tube(
+        &self,
+        spec: &UncertaintySpec,
+        kind: ModelKind,
+        plant: &dyn DynPlant,
+        problem: &NmpcProblem,
+        augmentation: Option<&Augmentation>,
+    ) -> Result<EllipsoidTube, RunError> {
+        let (mut model, np) = (self.model(kind, plant)?, problem.parameters.len());
+        let uncertain: Vec<usize> = spec.places(plant.parameters()).collect();
+        let (mut places, mut more) = (uncertain.clone(), Vec::new());
+        if let Some(of) = augmentation {
+            // Those of the controller's model are disturbances and estimates.
+            places = (np..np + uncertain.len()).collect();
+            more = uncertain.iter().map(|&place| of.parameters[place]).collect();
+            let estimated = [&of.estimated[..], &uncertain].concat();
+            model = Box::new(Compensated::new(model, Augmentation { estimated, ..of.clone() })?);
+        }
+        let net = self.net.filter(|_| kind == ModelKind::Pinc && spec.net_error);
+        let error = net.map(|net| NetError::new(net, plant, augmentation)).transpose()?;
+        Ok(spec.tube(TubeParts {
+            sizes: (model.dims().with_parameters(np), problem),
+            variables: &Variables::of(plant),
+            model: TubeModel { model, more },
+            places: &places,
+            error: error.map(|error| Box::new(error) as Box<dyn StageError>),
+        })?)
     }
 
     /// The model of a stage of `length_s`.
@@ -74,7 +105,10 @@ impl LoopSetup<'_> {
             augmentation = Some(self.augmentation(estimator, &measurement, plant));
         }
         let augmentation = augmentation.as_ref();
-        let own = self.builder(kind, plant, problem.clone(), augmentation, None)?;
+        let mut own = self.builder(kind, plant, problem.clone(), augmentation, None)?;
+        if let Some(spec) = &self.spec.uncertainty {
+            own = own.tube(Box::new(self.tube(spec, kind, plant, &problem, augmentation)?));
+        }
         let net = self.net.filter(|_| kind == ModelKind::Pinc);
         let Some(net) = net.filter(|_| !self.spec.error_tolerance.is_empty()) else {
             return Ok((own.build()?, None));

@@ -8,7 +8,7 @@ use super::model_error::{self, SharedLog};
 use crate::RunError;
 use crate::export::sha256;
 use pinc_config::{ControlSpec, Experiment, ModelKind, Variables};
-use pinc_estimate::{Augmentation, Estimator, EstimatorStatus};
+use pinc_estimate::{Augmentation, Estimator, EstimatorStatus, state_covariance};
 use pinc_mpc::{BoundSchedule, Memory, Nmpc, Reference, SqpStatus, Trust};
 use pinc_ode::DynPlant;
 use pinc_record::{ModelErrorMetrics, OutsideDomain};
@@ -59,6 +59,8 @@ struct LiveEstimator {
     names: Vec<String>,
     unknowns: Vec<f64>,
     status: EstimatorStatus,
+    /// The covariance of the state.
+    covariance: Vec<f64>,
 }
 
 /// The reference of a step of a [`LiveController`].
@@ -327,8 +329,10 @@ impl LiveController {
         self.write_window(follow);
         let clock = Instant::now();
         self.observe(y, u_applied);
-        if let Some(observer) = &self.observer {
+        if let Some(observer) = &mut self.observer {
             self.nmpc.set_parameters(&observer.unknowns)?;
+            state_covariance(&*observer.estimator, self.x.len(), &mut observer.covariance);
+            self.nmpc.set_covariance(&observer.covariance);
         }
         self.before.copy_from_slice(u_applied.unwrap_or(&self.u));
         if let Some(u) = u_applied {
@@ -481,6 +485,7 @@ impl LiveEstimator {
             unknowns: vec![0.0; names.len()],
             names,
             status: EstimatorStatus::NothingMeasured,
+            covariance: Vec::new(),
         }))
     }
 }

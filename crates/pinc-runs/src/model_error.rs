@@ -7,6 +7,7 @@ use pinc_mpc::Judge;
 use pinc_net::PincNet;
 use pinc_ode::DynPlant;
 use pinc_record::ModelErrorMetrics;
+use pinc_tube::StageError;
 use pinc_verify::ErrorEstimate;
 use std::sync::{Arc, Mutex, PoisonError};
 
@@ -69,15 +70,45 @@ pub(crate) fn read<R>(log: &SharedLog, f: impl FnOnce(&ErrorLog) -> R) -> R {
     f(&log.lock().unwrap_or_else(PoisonError::into_inner))
 }
 
-/// Trusts the net where its estimated error is within the tolerances of `control.error_tolerance`.
+/// The estimated error of the net in a controller.
 #[derive(Debug)]
-pub(crate) struct ErrorJudge {
+pub(crate) struct NetError {
     estimate: ErrorEstimate,
     /// How the arguments of the controller's model become arguments of the net.
     augmentation: Option<Augmentation>,
     x: Vec<f64>,
     u: Vec<f64>,
     p: Vec<f64>,
+}
+
+impl NetError {
+    pub(crate) fn new(
+        net: &PincNet,
+        plant: &dyn DynPlant,
+        augmentation: Option<&Augmentation>,
+    ) -> Result<Self, RunError> {
+        let (estimate, dims) = (ErrorEstimate::new(net, plant)?, plant.dims());
+        let [x, u, p] = [dims.nx, dims.nu, dims.np].map(|size| vec![0.0; size]);
+        Ok(Self { estimate, augmentation: augmentation.cloned(), x, u, p })
+    }
+}
+
+impl StageError for NetError {
+    fn write(&mut self, x: &[f64], u: &[f64], p: &[f64], error: &mut [f64]) {
+        self.x.copy_from_slice(x);
+        self.u.copy_from_slice(u);
+        match &self.augmentation {
+            Some(of) => of.arguments(&mut self.x, &mut self.u, p, &mut self.p),
+            None => self.p.copy_from_slice(p),
+        }
+        self.estimate.write(&self.x, &self.u, &self.p, error);
+    }
+}
+
+/// Trusts the net where its estimated error is within the tolerances of `control.error_tolerance`.
+#[derive(Debug)]
+pub(crate) struct ErrorJudge {
+    estimate: NetError,
     error: Vec<f64>,
     corrects: bool,
     log: SharedLog,
@@ -90,13 +121,12 @@ impl ErrorJudge {
         plant: &dyn DynPlant,
         augmentation: Option<&Augmentation>,
     ) -> Result<(Self, SharedLog), RunError> {
-        let dims = plant.dims();
         let states = plant.states().iter();
         let tolerance = states.map(|state| {
             let named = spec.error_tolerance.get(&*state.name);
             named.copied().unwrap_or(f64::INFINITY)
         });
-        let zeros = vec![0.0; dims.nx];
+        let zeros = vec![0.0; plant.states().len()];
         let log = Arc::new(Mutex::new(ErrorLog {
             tolerance: tolerance.collect(),
             largest: zeros.clone(),
@@ -104,11 +134,7 @@ impl ErrorJudge {
             ..ErrorLog::default()
         }));
         let judge = Self {
-            estimate: ErrorEstimate::new(net, plant)?,
-            augmentation: augmentation.cloned(),
-            x: zeros.clone(),
-            u: vec![0.0; dims.nu],
-            p: vec![0.0; dims.np],
+            estimate: NetError::new(net, plant, augmentation)?,
             error: zeros,
             corrects: spec.on_error == OnError::Correct,
             log: Arc::clone(&log),
@@ -119,13 +145,7 @@ impl ErrorJudge {
 
 impl Judge for ErrorJudge {
     fn trusts(&mut self, x: &[f64], u: &[f64], p: &[f64]) -> bool {
-        self.x.copy_from_slice(x);
-        self.u.copy_from_slice(u);
-        match &self.augmentation {
-            Some(of) => of.arguments(&mut self.x, &mut self.u, p, &mut self.p),
-            None => self.p.copy_from_slice(p),
-        }
-        self.estimate.write(&self.x, &self.u, &self.p, &mut self.error);
+        self.estimate.write(x, u, p, &mut self.error);
         let mut log = self.log.lock().unwrap_or_else(PoisonError::into_inner);
         log.last.copy_from_slice(&self.error);
         log.add()

@@ -4,6 +4,7 @@ use crate::RunError;
 use pinc_mpc::{ClosedLoop, StepRecord};
 use pinc_record::{
     ControlColumns, ControlRow, ControlWriter, FixedReader, FixedWriter, RecordError, StepRow,
+    TubeMetrics,
 };
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -27,6 +28,8 @@ pub(super) struct Totals {
     pub(super) curvature_dropped: usize,
     /// The cost of the first plan.
     pub(super) first_cost: Option<f64>,
+    /// What became of a tube.
+    pub(super) tube: Option<TubeMetrics>,
 }
 
 impl Totals {
@@ -36,6 +39,9 @@ impl Totals {
         self.sqp_iterations += step.sqp_iterations;
         self.curvature_dropped += usize::from(step.curvature_dropped);
         self.first_cost.get_or_insert(step.cost);
+        if let Some(fits) = step.in_tube {
+            self.tube.get_or_insert_default().add(fits);
+        }
     }
 
     /// SQP iterations per step.

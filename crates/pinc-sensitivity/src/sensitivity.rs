@@ -141,6 +141,9 @@ impl<'a> Sensitivity<'a> {
         if !dims.tree.is_chain() {
             return Err(MpcError::ScenarioDerivatives);
         }
+        if program.nmpc().tightened().is_some() {
+            return Err(MpcError::WithTube("derivatives of a plan"));
+        }
         let outputs = program.nmpc().problem().tracked.len();
         check_finite("reference", reference, dims.horizon * outputs)?;
         check_finite("u_before", u_before, dims.nu)?;

@@ -107,6 +107,9 @@ fn metrics(text: &mut String, metrics: &Metrics) -> std::fmt::Result {
         if let Some(found) = &run.model_error {
             writeln!(text, "             {found}")?;
         }
+        if let Some(found) = &run.tube {
+            writeln!(text, "             {found}")?;
+        }
         if let Some(found) = &run.cost {
             writeln!(text, "             {found}")?;
         }

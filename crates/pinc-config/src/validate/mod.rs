@@ -10,6 +10,7 @@ mod names;
 mod scenarios;
 mod schedule;
 mod stages;
+mod uncertainty;
 mod values;
 
 pub(crate) use values::rounded;
@@ -81,6 +82,7 @@ impl Experiment {
             estimator::output_feedback(self, control, &variables)?;
             schedule::schedules(self, control)?;
             scenarios::scenarios(self, control)?;
+            uncertainty::uncertainty(self, control, &variables)?;
         }
         if let Some(one_step) = &self.one_step {
             let needed = "[one_step] needs it";

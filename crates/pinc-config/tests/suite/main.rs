@@ -7,3 +7,4 @@ mod estimator;
 mod names;
 mod schedules;
 mod times;
+mod uncertainty;

@@ -400,6 +400,11 @@ impl Nmpc {
         }
         self.shift_warm_start();
         self.set_time();
+        let at = [&self.start[..], &self.plan.z];
+        let is_known = self.phase == Phase::Linearized;
+        if self.sqp.transcription.tighten(&mut self.horizon, at, is_known) {
+            self.sqp.project(&mut self.plan, &self.previous);
+        }
         if self.config.real_time {
             self.prepare_linearization();
         }

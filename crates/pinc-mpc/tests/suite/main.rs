@@ -27,6 +27,7 @@ mod stream;
 mod support;
 mod survey;
 mod timetable;
+mod tube;
 mod units;
 mod wicked;
 mod work;

@@ -49,6 +49,9 @@ pub struct ControlMetrics {
     /// What the plans of a `[control.cost]` cost; not there without one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub cost: Option<CostMetrics>,
+    /// What the tube of `[control.uncertainty]` left of the bounds; not there without one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub tube: Option<TubeMetrics>,
     /// Whether the references were reached.
     #[serde(flatten)]
     pub references: ReferenceMetrics,
@@ -77,6 +80,44 @@ pub struct CostMetrics {
 impl std::fmt::Display for CostMetrics {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         write!(f, "the first plan costs {:.7}", self.first_plan)
+    }
+}
+
+/// How often the bounds that a tube tightened could not be kept.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct TubeMetrics {
+    /// How many plans there were.
+    pub steps: usize,
+    /// How many of them were beyond a tightened bound, or had bounds that left no room: the plant may
+    /// break its bounds.
+    pub without_room: usize,
+    /// The first of these, counted from 0.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub first: Option<usize>,
+}
+
+impl TubeMetrics {
+    /// Counts a plan, which `fits` or does not.
+    pub fn add(&mut self, fits: bool) {
+        if !fits {
+            self.first.get_or_insert(self.steps);
+            self.without_room += 1;
+        }
+        self.steps += 1;
+    }
+}
+
+impl std::fmt::Display for TubeMetrics {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let Self { steps, without_room, first } = self;
+        match first {
+            None => write!(f, "all {steps} plans keep the bounds of the tube"),
+            Some(first) => write!(
+                f,
+                "{without_room} of {steps} plans do not keep the bounds of the tube, the first in \
+                 step {first}: the plant may break its bounds there"
+            ),
+        }
     }
 }
 

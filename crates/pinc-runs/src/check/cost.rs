@@ -29,7 +29,7 @@ pub(super) fn measure(
     let (spec, sample_time_s) = experiment.control.as_ref().zip(experiment.sample_time_s())?;
     let net = untrained(plant, experiment);
     // No estimator: the loop measures the plant's state.
-    let spec = &ControlSpec { estimator: None, ..spec.clone() };
+    let spec = &ControlSpec { estimator: None, uncertainty: None, ..spec.clone() };
     let numerical = LoopSetup::numerical(spec, sample_time_s, plant);
     let costed = experiment.costed_plant(&[]);
     let setup = LoopSetup { net: net.as_ref(), truth: metered, costed, ..numerical };

@@ -227,6 +227,12 @@ const OFFSET: [&str; 3] = [
 
 const SCENARIOS: &str = "control.scenarios.values={ k = [1.0, 1.4, 0.6] }";
 
+/// A bound that the second reference is at.
+const LOW: &str = "control.state_low=[-0.4, -3.0]";
+const CHANCE: [&str; 2] = [LOW, "control.uncertainty.probability=0.9"];
+const WORST: [&str; 2] = [LOW, "control.uncertainty.probability=\"worst-case\""];
+const BOXES: &str = "control.uncertainty.boxes={ x = 0.05 }";
+
 const MHE: [&str; 2] = ["control.estimator.kind=mhe", "control.estimator.window=4"];
 
 /// Every key, with values that differ from the base's, and what it is about. Groups of values that
@@ -236,6 +242,8 @@ fn keys() -> Vec<(&'static str, Vec<&'static str>, About)> {
     let with = |more: &[&'static str]| [&ESTIMATOR[..], more].concat();
     let offset = |more: &[&'static str]| [&ESTIMATOR[..], &OFFSET, more].concat();
     let mhe = |more: &[&'static str]| [&ESTIMATOR[..], &MHE, more].concat();
+    let chance = |more: &[&'static str]| [&CHANCE[..], more].concat();
+    let worst = |more: &[&'static str]| [&WORST[..], more].concat();
     let of_k = "control.estimator.parameters=[{ name = \"k\", initial = 0.8, initial_sd = 0.2, \
                 drift_sd = 0.01 }]";
     vec![
@@ -288,6 +296,29 @@ fn keys() -> Vec<(&'static str, Vec<&'static str>, About)> {
         (
             "scenarios.weights",
             vec![SCENARIOS, "control.scenarios.weights=[1.0, 5.0, 1.0]"],
+            Controller,
+        ),
+        ("uncertainty.probability", worst(&[BOXES]), Controller),
+        (
+            "uncertainty.process_sd",
+            chance(&["control.uncertainty.process_sd=[0.02, 0.05]"]),
+            Controller,
+        ),
+        ("uncertainty.boxes", worst(&["control.uncertainty.boxes={ v = 0.1 }"]), Controller),
+        (
+            "uncertainty.parameters",
+            worst(&["control.uncertainty.parameters={ k = [0.5, 1.4] }"]),
+            Controller,
+        ),
+        (
+            "uncertainty.estimate",
+            [with(&[]), chance(&["control.uncertainty.estimate=true"])].concat(),
+            Controller,
+        ),
+        ("uncertainty.net_error", vec![], Unseen),
+        (
+            "uncertainty.feedback",
+            worst(&[BOXES, "control.uncertainty.feedback=\"none\""]),
             Controller,
         ),
         (
@@ -417,7 +448,7 @@ fn every_key_is_looked_at() {
         known(table, sets).into_iter().map(name).collect::<BTreeSet<_>>()
     };
     let mut expected = of("control", &[]);
-    for inner in ["measurement", "estimator", "scenarios", "sqp"] {
+    for inner in ["measurement", "estimator", "scenarios", "uncertainty", "sqp"] {
         assert!(expected.remove(inner), "{inner}");
         expected.extend(of(&format!("control.{inner}"), &ESTIMATOR));
     }

@@ -1,0 +1,196 @@
+//! The `[control.uncertainty]` section.
+
+use crate::problem::Problem;
+use crate::registry::Variables;
+use pinc_mpc::NmpcProblem;
+use pinc_ode::{Dims, Variable};
+use pinc_tube::{
+    EllipsoidTube, Feedback, Interval, Sources, StageError, TubeError, TubeModel, TubeUnits,
+};
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
+use std::path::Path;
+use toml::{Table, Value};
+
+/// What is uncertain of model and state. The bounds of states, outputs and later inputs move inwards
+/// by how far the plant may be from the plan.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct UncertaintySpec {
+    /// Probability with which each bound is to hold at each predicted step, from 0.5 to less than 1;
+    /// or `"worst-case"`, which needs sources with limits.
+    pub probability: ProbabilitySpec,
+    /// Standard deviation of the model's error in each step, one per state, in its unit.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub process_sd: Vec<f64>,
+    /// Largest error of the model in each step, by state, in its unit: what `pinc certify` proves
+    /// of a net, for instance.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub boxes: BTreeMap<String, f64>,
+    /// Intervals of parameters, `[low, high]`, in which they stay; or the path of an
+    /// `identify.json`, whose intervals of 95 % are taken.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub parameters: BTreeMap<String, [f64; 2]>,
+    /// Whether the covariance of the estimated state counts.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub estimate: bool,
+    /// Whether the estimated error of the net counts, as a limit of its error in each stage.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub net_error: bool,
+    /// Feedback that is taken to act on deviations from the plan: `"riccati"`, the linear-quadratic
+    /// regulator along the plan; `"none"`; or a matrix with one row per input.
+    #[serde(default, skip_serializing_if = "is_default")]
+    pub feedback: FeedbackSpec,
+}
+
+/// A probability, or the worst case.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(untagged, expecting = "expected a probability, or \"worst-case\"")]
+pub enum ProbabilitySpec {
+    /// The probability.
+    Chance(f64),
+    /// No plant within the limits breaks a bound.
+    Word(WorstCase),
+}
+
+/// The worst case in a word.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum WorstCase {
+    /// The worst case.
+    WorstCase,
+}
+
+/// The feedback of a tube.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(untagged, expecting = "expected \"riccati\", \"none\" or a matrix, one row per input")]
+pub enum FeedbackSpec {
+    /// One that needs no numbers.
+    Word(FeedbackWord),
+    /// K.
+    Matrix(Vec<Vec<f64>>),
+}
+
+/// A feedback in a word.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum FeedbackWord {
+    /// The linear-quadratic regulator along the plan.
+    Riccati,
+    /// None.
+    None,
+}
+
+impl Default for FeedbackSpec {
+    fn default() -> Self {
+        Self::Word(FeedbackWord::Riccati)
+    }
+}
+
+fn is_default(of: &FeedbackSpec) -> bool {
+    *of == FeedbackSpec::default()
+}
+
+/// What a tube is made from beside the config.
+#[derive(Debug)]
+pub struct TubeParts<'a> {
+    /// The dimensions of the controller's model, and its problem.
+    pub sizes: (Dims, &'a NmpcProblem),
+    /// The plant's variables.
+    pub variables: &'a Variables,
+    /// The model with the parameters that are uncertain.
+    pub model: TubeModel,
+    /// Their places, in the order of their names.
+    pub places: &'a [usize],
+    /// The error of the net, if that is the model.
+    pub error: Option<Box<dyn StageError>>,
+}
+
+impl UncertaintySpec {
+    /// The probability; none in the worst case.
+    #[must_use]
+    pub fn chance(&self) -> Option<f64> {
+        match self.probability {
+            ProbabilitySpec::Chance(probability) => Some(probability),
+            ProbabilitySpec::Word(WorstCase::WorstCase) => None,
+        }
+    }
+
+    /// The places of the uncertain parameters among `all`, in the order of their names.
+    pub fn places(&self, all: &[Variable]) -> impl Iterator<Item = usize> {
+        self.parameters.keys().filter_map(|name| all.iter().position(|known| known.name == *name))
+    }
+
+    /// The tube.
+    ///
+    /// # Errors
+    ///
+    /// [`TubeError`] if the parts do not fit together.
+    pub fn tube(&self, parts: TubeParts<'_>) -> Result<EllipsoidTube, TubeError> {
+        let limit = |name: &String| self.boxes.get(name).copied().unwrap_or(0.0);
+        let (dims, problem) = parts.sizes;
+        let intervals = self.parameters.values().zip(parts.places);
+        let intervals = intervals.map(|(&[low, high], &place)| Interval { place, low, high });
+        let units = problem.units(dims);
+        let units = TubeUnits { states: units.states, inputs: units.inputs };
+        let states = parts.variables.state_names();
+        let is_limited = !self.boxes.is_empty();
+        let sources = Sources {
+            probability: self.chance(),
+            process_sd: self.process_sd.clone(),
+            boxes: if is_limited { states.iter().map(limit).collect() } else { Vec::new() },
+            parameters: intervals.collect(),
+            estimate: self.estimate,
+            error: parts.error.filter(|_| self.net_error),
+        };
+        let feedback = match &self.feedback {
+            FeedbackSpec::Word(FeedbackWord::Riccati) => Feedback::Riccati,
+            FeedbackSpec::Word(FeedbackWord::None) => Feedback::None,
+            FeedbackSpec::Matrix(rows) => Feedback::Given(rows.concat()),
+        };
+        let sizes = (dims, problem.horizon);
+        EllipsoidTube::new(sizes, sources, Some(parts.model), feedback, units)
+    }
+}
+
+/// Replaces the path of an `identify.json` by the intervals in it.
+pub(crate) fn read_identified(table: &mut Table) -> Result<(), (String, Problem)> {
+    let control = table.get_mut("control").and_then(Value::as_table_mut);
+    let section = control.and_then(|of| of.get_mut("uncertainty")).and_then(Value::as_table_mut);
+    let Some(parameters) = section.and_then(|section| section.get_mut("parameters")) else {
+        return Ok(());
+    };
+    let Value::String(path) = &*parameters else { return Ok(()) };
+    let intervals = intervals(Path::new(path)).map_err(|expected| {
+        let found = path.clone();
+        ("control.uncertainty.parameters".to_owned(), Problem::Value { found, expected })
+    })?;
+    *parameters = Value::Table(intervals);
+    Ok(())
+}
+
+/// The intervals in an `identify.json`, or what was expected of it.
+fn intervals(path: &Path) -> Result<Table, String> {
+    #[derive(Deserialize)]
+    struct Identified {
+        parameters: BTreeMap<String, Estimate>,
+    }
+    #[derive(Deserialize)]
+    struct Estimate {
+        value: f64,
+        half_width_95: Option<f64>,
+    }
+    let wrong = |error: &dyn std::fmt::Display| {
+        format!("a table of intervals, or the path of an identify.json: {error}")
+    };
+    let text = std::fs::read_to_string(path).map_err(|error| wrong(&error))?;
+    let all: Identified = serde_json::from_str(&text).map_err(|error| wrong(&error))?;
+    let interval = |(name, of): (String, Estimate)| match of.half_width_95 {
+        Some(half) => {
+            let ends = [of.value - half, of.value + half].map(Value::Float);
+            Ok((name, Value::Array(ends.to_vec())))
+        }
+        None => Err(format!("a file with an interval for each parameter; `{name}` has none")),
+    };
+    all.parameters.into_iter().map(interval).collect()
+}

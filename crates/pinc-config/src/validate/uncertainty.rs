@@ -1,0 +1,135 @@
+//! Checks of `[control.uncertainty]`.
+
+use super::values::{length, not_negative, value};
+use super::{Checked, Problem};
+use crate::problem::nearest;
+use crate::registry::Variables;
+use crate::{ControlSpec, Experiment, FeedbackSpec, ModelKind, OnError, UncertaintySpec};
+
+const SECTION: &str = "control.uncertainty";
+
+pub(super) fn uncertainty(
+    experiment: &Experiment,
+    control: &ControlSpec,
+    variables: &Variables,
+) -> Checked {
+    let Some(spec) = &control.uncertainty else { return Ok(()) };
+    sources(spec, control, variables)?;
+    intervals(experiment, control, spec)?;
+    if let FeedbackSpec::Matrix(rows) = &spec.feedback {
+        let key = format!("{SECTION}.feedback");
+        let inputs = variables.inputs.len();
+        if rows.len() != inputs {
+            return value(
+                &key,
+                format!("{} rows", rows.len()),
+                &format!("{inputs}, one per input"),
+            );
+        }
+        for (i, row) in rows.iter().enumerate() {
+            length(&format!("{key}[{i}]"), row, variables.states.len(), "state")?;
+        }
+    }
+    for (other, is_there) in [
+        ("[control.scenarios]", control.scenarios.is_some()),
+        ("control.stages_s", control.stages_s.is_some()),
+        ("control.delay_steps", control.delay_steps > 0),
+        ("on_error = \"integrator\"", control.on_error == OnError::Integrator),
+        ("on_error = \"correct\"", control.on_error == OnError::Correct),
+    ] {
+        if is_there {
+            return value(SECTION, "a table", &format!("no such table with {other}"));
+        }
+    }
+    Ok(())
+}
+
+/// The sources, and what they need.
+fn sources(spec: &UncertaintySpec, control: &ControlSpec, variables: &Variables) -> Checked {
+    let key = |name: &str| format!("{SECTION}.{name}");
+    if !spec.process_sd.is_empty() {
+        length(&key("process_sd"), &spec.process_sd, variables.states.len(), "state")?;
+    }
+    for (i, &sd) in spec.process_sd.iter().enumerate() {
+        not_negative(&format!("{SECTION}.process_sd[{i}]"), sd)?;
+    }
+    let known = variables.state_names();
+    for (name, &limit) in &spec.boxes {
+        if !known.contains(name) {
+            let nearest = nearest(name, &known);
+            return Err((key("boxes"), Problem::Word { found: name.clone(), known, nearest }));
+        }
+        not_negative(&format!("{SECTION}.boxes.{name}"), limit)?;
+    }
+    match spec.chance() {
+        Some(chance) if !(0.5..1.0).contains(&chance) => {
+            return value(
+                &key("probability"),
+                chance,
+                "from 0.5 to less than 1, or \"worst-case\"",
+            );
+        }
+        Some(_) => {}
+        None => {
+            for (name, is_there) in
+                [("process_sd", !spec.process_sd.is_empty()), ("estimate", spec.estimate)]
+            {
+                if is_there {
+                    let expected = "no such key with probability = \"worst-case\": it has no limit";
+                    return value(&key(name), "a value", expected);
+                }
+            }
+        }
+    }
+    if spec.estimate && control.estimator.is_none() {
+        return value(&key("estimate"), true, "[control.estimator], which has a covariance");
+    }
+    if spec.net_error && !control.models.contains(&ModelKind::Pinc) {
+        return value(&key("net_error"), true, "\"pinc\" among control.models");
+    }
+    let nothing = spec.process_sd.is_empty() && spec.boxes.is_empty() && spec.parameters.is_empty();
+    if nothing && !spec.estimate && !spec.net_error {
+        let expected = "one of process_sd, boxes, parameters, estimate = true, net_error = true";
+        return value(SECTION, "nothing uncertain", expected);
+    }
+    Ok(())
+}
+
+/// The intervals of parameters.
+fn intervals(experiment: &Experiment, control: &ControlSpec, spec: &UncertaintySpec) -> Checked {
+    let known: Vec<String> = experiment.plant.parameters().into_keys().collect();
+    let estimated = control.estimator.iter().flat_map(|estimator| &estimator.parameters);
+    let estimated: Vec<&String> = estimated.map(|parameter| &parameter.name).collect();
+    let scheduled = |name: &String| {
+        control.parameter_schedule.iter().any(|step| step.values.contains_key(name))
+    };
+    for (name, &[low, high]) in &spec.parameters {
+        let key = format!("{SECTION}.parameters.{name}");
+        let found = || format!("[{low}, {high}]");
+        if known.is_empty() {
+            return value(&key, found(), "no such key: the plant has no parameters that can vary");
+        }
+        if !known.contains(name) {
+            let nearest = nearest(name, &known);
+            return Err((key, Problem::Word { found: name.clone(), known, nearest }));
+        }
+        if !(low <= high && low.is_finite() && high.is_finite()) {
+            return value(&key, found(), "two finite numbers, the lower one first");
+        }
+        let of_the_net = experiment.varying().contains(&name.as_str());
+        if control.models.contains(&ModelKind::Pinc) && !of_the_net {
+            let expected = "one of domain.parameters, with the model \"pinc\": the net is of these";
+            return value(&key, found(), expected);
+        }
+        for (other, is_there) in [
+            ("measured", control.measured_parameters.contains(name)),
+            ("estimated", estimated.contains(&name)),
+            ("in control.parameter_schedule", scheduled(name)),
+        ] {
+            if is_there {
+                return value(&key, found(), &format!("a parameter that is not {other}"));
+            }
+        }
+    }
+    Ok(())
+}

@@ -1,0 +1,62 @@
+//! What a controller and its tube tell each other.
+
+use pinc_ode::{Dims, Stages};
+use std::fmt::Debug;
+
+/// Says how far the plant may be from a plan, as its controller sees it.
+pub trait Tube: Debug + Send {
+    /// Writes how far each bound moves inwards. The controller neglects the derivatives of these
+    /// numbers by the plan. It allocates nothing.
+    fn write(&mut self, along: AlongPlan<'_>, back_offs: &mut BackOffs);
+
+    /// Takes the covariance of the state that the next plan begins at, `[n, n]`.
+    fn set_covariance(&mut self, covariance: &[f64]);
+}
+
+/// A model along a plan.
+#[derive(Clone, Copy, Debug)]
+pub struct AlongPlan<'a> {
+    stages: Stages<'a>,
+    jacobians: [&'a [f64]; 2],
+    dims: Dims,
+    shift: usize,
+}
+
+impl<'a> AlongPlan<'a> {
+    /// The model of dimensions `dims` at the N stages of a plan that is to be moved on by `shift`
+    /// stages, of which the last takes the place of those that are missing.
+    ///
+    /// # Shapes
+    ///
+    /// A: `[N, n, n]`; B: `[N, n, m]`.
+    #[must_use]
+    pub fn new(stages: Stages<'a>, [a, b]: [&'a [f64]; 2], dims: Dims, shift: usize) -> Self {
+        Self { stages, jacobians: [a, b], dims, shift }
+    }
+
+    /// N, the number of stages.
+    #[must_use]
+    pub fn stages(&self) -> usize {
+        self.stages.x.len() / self.dims.nx
+    }
+
+    /// Where stage `j` begins, and A, `[n, n]`, and B, `[n, m]`, there.
+    #[must_use]
+    pub fn stage(&self, j: usize) -> (Stages<'a>, [&'a [f64]; 2]) {
+        let (j, Dims { nx, nu, .. }) = ((j + self.shift).min(self.stages() - 1), self.dims);
+        let [a, b] = self.jacobians;
+        let b = &b[j * nx * nu..(j + 1) * nx * nu];
+        (self.stages.point(j, self.dims), [&a[j * nx * nx..(j + 1) * nx * nx], b])
+    }
+}
+
+/// How far bounds move inwards, 0 or more.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct BackOffs {
+    /// At the predicted states, `[N, n]`.
+    pub states: Vec<f64>,
+    /// At the free inputs, `[Nu, m]`.
+    pub inputs: Vec<f64>,
+    /// At the outputs of the predicted states, `[N, ny]`; empty if none has bounds.
+    pub outputs: Vec<f64>,
+}

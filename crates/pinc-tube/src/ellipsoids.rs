@@ -1,0 +1,303 @@
+//! Deviations from a plan, stage by stage.
+
+use crate::gains::Gains;
+use crate::matrix::{congruence, dot, multiply, quadratic};
+use crate::sources::length;
+use crate::{
+    AlongPlan, BackOffs, Feedback, Interval, Sources, Tube, TubeError, TubeModel, TubeUnits,
+    normal_quantile,
+};
+use pinc_ode::{Dims, OutputLinearization, Stages};
+
+/// A model's error that is no number, or larger, counts as so many units of its state.
+const MOST: f64 = 1e3;
+
+/// The tube of a linearized plan.
+///
+/// With A and B along the plan, a feedback K on deviations and M = A + B K, there are three kinds of
+/// deviations of a predicted state:
+///
+/// ```text
+/// random    P <- M P M' + W         covariance, from the state's own and process_sd
+/// bounded   E <- M E M' (+) boxes   an ellipsoid around all sums, from boxes and the model's error
+/// constant  g <- M g + dF           one direction per parameter, dF = F(.., end) - F(.., p)
+/// ```
+///
+/// and a bound on h'x moves inwards by z sqrt(h'P h) + sqrt(h'E h) + the sum of |h'g|, z being the
+/// normal distribution's quantile. K is 0 at the first stage. (+) is the ellipsoid of least trace,
+/// in the tube's units, around the sum. What is quadratic in deviations is neglected.
+///
+/// Reference: A. Zanelli, J. Frey, F. Messerer, M. Diehl, "Zero-order robust nonlinear model
+/// predictive control with ellipsoidal uncertainty sets", IFAC-PapersOnLine 54-6 (2021).
+#[derive(Debug)]
+pub struct EllipsoidTube {
+    dims: Dims,
+    stages: usize,
+    sources: Sources,
+    model: Option<TubeModel>,
+    gains: Gains,
+    units: TubeUnits,
+    /// z
+    quantile: f64,
+    /// P at x_0 .. x_N, `[N + 1, n, n]`.
+    p: Vec<f64>,
+    /// E, `[n, n]`.
+    e: Vec<f64>,
+    /// One direction per parameter, `[parameters, n]`.
+    g: Vec<f64>,
+    work: Work,
+}
+
+/// Numbers of one stage.
+#[derive(Debug, Default)]
+struct Work {
+    /// M, `[n, n]`.
+    m: Vec<f64>,
+    /// M P, and M E M'.
+    products: [Vec<f64>; 2],
+    /// The largest error in the stage.
+    boxes: Vec<f64>,
+    next: Vec<f64>,
+    ends: [Vec<f64>; 2],
+    /// All parameters of the model.
+    p: Vec<f64>,
+    x: Vec<f64>,
+    /// y, C, D and dh/dp.
+    outputs: [Vec<f64>; 4],
+    /// D K, `[n]`.
+    through: Vec<f64>,
+}
+
+impl EllipsoidTube {
+    /// The tube of plans with `stages` stages of a controller's model of dimensions `dims`. The
+    /// `model` is needed for intervals and for bounds on outputs.
+    ///
+    /// # Errors
+    ///
+    /// [`TubeError`] if a list is of the wrong length or a number out of its range, and where a
+    /// probability or the model is missing.
+    pub fn new(
+        (dims, stages): (Dims, usize),
+        sources: Sources,
+        model: Option<TubeModel>,
+        feedback: Feedback,
+        units: TubeUnits,
+    ) -> Result<Self, TubeError> {
+        sources.validate(dims, model.as_ref())?;
+        length("the units of states", units.states.len(), dims.nx)?;
+        length("the units of inputs", units.inputs.len(), dims.nu)?;
+        if let Feedback::Given(gain) = &feedback {
+            length("feedback", gain.len(), dims.nu * dims.nx)?;
+        }
+        let (n, count) = (dims.nx, sources.parameters.len());
+        let zeros = |size: usize| vec![0.0; size];
+        let of_model = model.as_ref().map_or(dims, |of| of.model.dims());
+        let ny = of_model.ny;
+        Ok(Self {
+            dims,
+            stages,
+            gains: Gains::new(feedback, &units, stages),
+            quantile: sources.probability.map_or(0.0, normal_quantile),
+            p: zeros((stages + 1) * n * n),
+            e: zeros(n * n),
+            g: zeros(count * n),
+            work: Work {
+                m: zeros(n * n),
+                products: [zeros(n * n), zeros(n * n)],
+                boxes: zeros(n),
+                next: zeros(n),
+                ends: [zeros(n), zeros(n)],
+                p: zeros(of_model.np),
+                x: zeros(n),
+                outputs: [ny, ny * n, ny * dims.nu, ny * of_model.np].map(zeros),
+                through: zeros(n),
+            },
+            sources,
+            model,
+            units,
+        })
+    }
+
+    /// The covariances of the states x_0 .. x_N of the last plan, `[N + 1, n, n]`.
+    #[must_use]
+    pub fn covariances(&self) -> &[f64] {
+        &self.p
+    }
+
+    /// K at each stage of the last plan, `[N, m, n]`.
+    #[must_use]
+    pub fn gains(&self) -> &[f64] {
+        &self.gains.k
+    }
+
+    /// How far h'x can be from the plan at x_j, of which the bounded and constant deviations are the
+    /// present ones.
+    fn width(&self, h: &[f64], j: usize) -> f64 {
+        let n = h.len();
+        let random = quadratic(h, &self.p[j * n * n..(j + 1) * n * n]).max(0.0).sqrt();
+        let bounded = quadratic(h, &self.e).max(0.0).sqrt();
+        let constant: f64 = self.g.chunks_exact(n).map(|g| dot(h, g).abs()).sum();
+        self.quantile * random + bounded + constant
+    }
+
+    /// [`EllipsoidTube::width`] of a state.
+    fn width_of_state(&self, i: usize, j: usize) -> f64 {
+        let (n, at) = (self.dims.nx, i * (self.dims.nx + 1));
+        let random = self.p[j * n * n + at].max(0.0).sqrt();
+        let constant: f64 = self.g.iter().skip(i).step_by(n).map(|g| g.abs()).sum();
+        self.quantile * random + self.e[at].max(0.0).sqrt() + constant
+    }
+
+    /// Deviations at the end of stage `j` from those at its beginning.
+    fn propagate(&mut self, j: usize, at: Stages<'_>, [a, b]: [&[f64]; 2]) {
+        let Dims { nx: n, nu, .. } = self.dims;
+        let Work { m, products: [mp, mem], .. } = &mut self.work;
+        m.copy_from_slice(a);
+        let k = self.gains.stage(j);
+        for (m, b) in m.chunks_exact_mut(n).zip(b.chunks_exact(nu)) {
+            for (b, k) in b.iter().zip(k.chunks_exact(n)) {
+                m.iter_mut().zip(k).for_each(|(m, k)| *m += b * k);
+            }
+        }
+        let (before, after) = self.p.split_at_mut((j + 1) * n * n);
+        let after = &mut after[..n * n];
+        congruence(m, &before[j * n * n..], n, mp, after);
+        for (i, sd) in self.sources.process_sd.iter().enumerate() {
+            after[i * (n + 1)] += sd * sd;
+        }
+        if !self.sources.boxes.is_empty() || self.sources.error.is_some() {
+            congruence(m, &self.e, n, mp, mem);
+            self.add_boxes(at);
+        }
+        if !self.sources.parameters.is_empty() {
+            self.add_parameters(at);
+        }
+    }
+
+    /// The sum of M E M' and the segments of the boxes: (sum of s) (sum of Q/s) with s the roots of
+    /// the traces of all Q.
+    fn add_boxes(&mut self, at: Stages<'_>) {
+        let n = self.dims.nx;
+        let Work { boxes, next, products: [_, mem], .. } = &mut self.work;
+        boxes.fill(0.0);
+        self.sources.boxes.iter().zip(&mut *boxes).for_each(|(given, to)| *to += given);
+        if let Some(error) = &mut self.sources.error {
+            error.write(at.x, at.u, at.p, next);
+            for ((to, error), unit) in boxes.iter_mut().zip(next).zip(&self.units.states) {
+                let size = error.abs();
+                *to += if size < MOST * unit { size } else { MOST * unit };
+            }
+        }
+        let units = &self.units.states;
+        let trace: f64 = (0..n).map(|i| mem[i * (n + 1)] / (units[i] * units[i])).sum();
+        let root = trace.max(0.0).sqrt();
+        let sum = root + boxes.iter().zip(units).map(|(size, unit)| size / unit).sum::<f64>();
+        let factor = if root > 0.0 { sum / root } else { 0.0 };
+        self.e.iter_mut().zip(mem).for_each(|(e, mem)| *e = factor * *mem);
+        for (i, (size, unit)) in boxes.iter().zip(units).enumerate() {
+            self.e[i * (n + 1)] += sum * size * unit;
+        }
+    }
+
+    /// g <- M g + dF for the end of each interval at which dF is larger.
+    fn add_parameters(&mut self, at: Stages<'_>) {
+        let n = self.dims.nx;
+        let Some(TubeModel { model, more }) = &mut self.model else { return };
+        let Work { m, next, ends: [low, high], p, x, .. } = &mut self.work;
+        write_parameters(at.p, more, p);
+        model.step(at.x, at.u, p, next);
+        let units = &self.units.states;
+        for (g, of) in self.g.chunks_exact_mut(n).zip(&self.sources.parameters) {
+            let nominal = p[of.place];
+            for (end, value) in [(&mut *low, of.low), (&mut *high, of.high)] {
+                p[of.place] = value;
+                model.step(at.x, at.u, p, end);
+                end.iter_mut().zip(&*next).for_each(|(end, next)| *end -= next);
+            }
+            p[of.place] = nominal;
+            let size =
+                |end: &[f64]| end.iter().zip(units).map(|(d, unit)| (d / unit).powi(2)).sum();
+            let (down, up): (f64, f64) = (size(low), size(high));
+            multiply(m, g, n, 1, x);
+            // Both ends along one direction, so that the stages add up.
+            for (i, g) in g.iter_mut().enumerate() {
+                *g = x[i] + if up >= down { high[i] } else { -low[i] };
+            }
+        }
+    }
+
+    /// Linearizes the outputs at the end of stage `j`, under the input of the stage, and writes what
+    /// of their deviations comes through that input and directly from the parameters.
+    fn begin_outputs(&mut self, j: usize, along: AlongPlan<'_>, to: &mut [f64]) {
+        let (Dims { nx: n, nu, .. }, (at, _)) = (self.dims, along.stage(j));
+        let Some(TubeModel { model, more }) = &mut self.model else { return };
+        let Work { p, x, outputs: [y, c, d, e], .. } = &mut self.work;
+        write_parameters(at.p, more, p);
+        if j + 1 < along.stages() {
+            x.copy_from_slice(along.stage(j + 1).0.x);
+        } else {
+            model.step(at.x, at.u, p, x);
+        }
+        model.linearize_output(Stages { x, u: at.u, p }, OutputLinearization { y, c, d, e });
+        let mut through = std::mem::take(&mut self.work.through);
+        for (i, to) in to.iter_mut().enumerate() {
+            let Work { p, outputs: [_, _, d, e], .. } = &self.work;
+            multiply(&d[i * nu..(i + 1) * nu], self.gains.stage(j), nu, n, &mut through);
+            let by_p = &e[i * p.len()..(i + 1) * p.len()];
+            let farthest = |of: &Interval| (of.high - p[of.place]).max(p[of.place] - of.low);
+            let parameters = self.sources.parameters.iter();
+            let direct: f64 = parameters.map(|of| by_p[of.place].abs() * farthest(of)).sum();
+            *to = self.width(&through, j) + direct;
+        }
+        self.work.through = through;
+    }
+
+    /// Adds what comes through the state.
+    fn end_outputs(&self, j: usize, to: &mut [f64]) {
+        let c = self.work.outputs[1].chunks_exact(self.dims.nx);
+        to.iter_mut().zip(c).for_each(|(to, c)| *to += self.width(c, j + 1));
+    }
+}
+
+fn write_parameters(of_controller: &[f64], more: &[f64], p: &mut [f64]) {
+    let (first, rest) = p.split_at_mut(of_controller.len());
+    first.copy_from_slice(of_controller);
+    rest.copy_from_slice(more);
+}
+
+impl Tube for EllipsoidTube {
+    fn write(&mut self, along: AlongPlan<'_>, back_offs: &mut BackOffs) {
+        let Dims { nx: n, nu: m, .. } = self.dims;
+        self.gains.follow(along);
+        self.e.fill(0.0);
+        self.g.fill(0.0);
+        back_offs.inputs.fill(0.0);
+        let last = back_offs.inputs.len() / m - 1;
+        let ny = back_offs.outputs.len() / self.stages;
+        for j in 0..self.stages {
+            for i in 0..m {
+                // The last free input acts in all stages that are left.
+                let width = self.width(&self.gains.stage(j)[i * n..(i + 1) * n], j);
+                let to = &mut back_offs.inputs[j.min(last) * m + i];
+                *to = to.max(width);
+            }
+            let (at, jacobians) = along.stage(j);
+            let outputs = &mut back_offs.outputs[j * ny..(j + 1) * ny];
+            if ny > 0 {
+                self.begin_outputs(j, along, outputs);
+            }
+            self.propagate(j, at, jacobians);
+            for i in 0..n {
+                back_offs.states[j * n + i] = self.width_of_state(i, j + 1);
+            }
+            self.end_outputs(j, outputs);
+        }
+    }
+
+    fn set_covariance(&mut self, covariance: &[f64]) {
+        let n = self.dims.nx;
+        if self.sources.estimate {
+            self.p[..n * n].copy_from_slice(covariance);
+        }
+    }
+}

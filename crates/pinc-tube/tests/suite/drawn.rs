@@ -1,0 +1,161 @@
+//! Linear plants with drawn disturbances, under the tube's own feedback.
+
+use pinc_ode::{Dims, Linearization, Model, Stages};
+use pinc_tube::{
+    AlongPlan, BackOffs, EllipsoidTube, Feedback, Interval, Sources, StageError, Tube, TubeModel,
+    TubeUnits,
+};
+use rand::rngs::ChaCha8Rng;
+use rand::{RngExt, SeedableRng};
+use rand_distr::{Distribution, StandardNormal};
+
+const N: usize = 6;
+const A: [f64; 4] = [1.1, 0.3, -0.2, 0.9];
+const B: [f64; 2] = [0.1, 0.5];
+const DIMS: Dims = Dims::new(2, 1);
+
+/// A parameter moves the state by p times this in each step.
+const BY_P: [f64; 2] = [0.3, -0.4];
+
+/// A x + B u + p (.3, -.4)
+#[derive(Debug)]
+struct Linear;
+
+impl Model for Linear {
+    fn dims(&self) -> Dims {
+        DIMS.with_parameters(1)
+    }
+
+    fn sample_time_s(&self) -> f64 {
+        1.0
+    }
+
+    fn step(&mut self, x: &[f64], u: &[f64], p: &[f64], next: &mut [f64]) {
+        for i in 0..2 {
+            next[i] = A[2 * i] * x[0] + A[2 * i + 1] * x[1] + B[i] * u[0] + BY_P[i] * p[0];
+        }
+    }
+
+    fn linearize(&mut self, _: Stages<'_>, _: Linearization<'_>) {
+        unreachable!("the test gives A and B")
+    }
+}
+
+/// An error of this size in each step, of either sign.
+#[derive(Debug)]
+struct Error([f64; 2]);
+
+impl StageError for Error {
+    fn write(&mut self, _: &[f64], _: &[f64], _: &[f64], error: &mut [f64]) {
+        error.copy_from_slice(&[self.0[0], -self.0[1]]);
+    }
+}
+
+/// The tube of `sources` around the origin, with its back-offs.
+fn tube(sources: Sources, covariance: Option<&[f64; 4]>) -> (EllipsoidTube, BackOffs) {
+    let plan = Stages { x: &[0.0; 2 * N], u: &[0.0; N], p: &[] };
+    let units = TubeUnits { states: vec![1.0, 2.0], inputs: vec![1.5] };
+    let model = TubeModel { model: Box::new(Linear), more: vec![0.0] };
+    let new = EllipsoidTube::new((DIMS, N), sources, Some(model), Feedback::Riccati, units);
+    let mut tube = new.unwrap();
+    if let Some(covariance) = covariance {
+        tube.set_covariance(covariance);
+    }
+    let zeros = |size: usize| vec![0.0; size];
+    let mut found = BackOffs { states: zeros(2 * N), inputs: zeros(N), outputs: zeros(0) };
+    tube.write(AlongPlan::new(plan, [&A.repeat(N), &B.repeat(N)], DIMS, 0), &mut found);
+    (tube, found)
+}
+
+/// The states and inputs of a plant under the feedback `gains`, disturbed in each step.
+fn run(gains: &[f64], mut x: [f64; 2], mut w: impl FnMut() -> [f64; 2]) -> Vec<([f64; 2], f64)> {
+    let step = |k: usize| {
+        let u = gains[2 * k] * x[0] + gains[2 * k + 1] * x[1];
+        let mut next = [0.0; 2];
+        Linear.step(&x, &[u], &[0.0], &mut next);
+        let w = w();
+        x = [next[0] + w[0], next[1] + w[1]];
+        (x, u)
+    };
+    (0..N).map(step).collect()
+}
+
+/// Quantiles of chi-squared with two degrees of freedom: -2 ln(1 - q).
+#[test]
+fn deviations_have_the_tubes_covariance_and_stay_within_with_the_stated_probability() {
+    let (sd, covariance) = ([0.3, 0.1], [0.2, 0.1, 0.1, 0.4]);
+    let probability = 0.95;
+    let sources = Sources {
+        probability: Some(probability),
+        process_sd: sd.to_vec(),
+        estimate: true,
+        ..Sources::default()
+    };
+    let (tube, back_offs) = tube(sources, Some(&covariance));
+    assert_eq!(tube.covariances()[..4], covariance);
+    let mut rng = ChaCha8Rng::seed_from_u64(7);
+    let mut normal = move || -> f64 { StandardNormal.sample(&mut rng) };
+    const RUNS: usize = 40_000;
+    let (mut beyond, mut outside, mut inputs) = ([0; N], [[0; 2]; N], [0; N]);
+    for _ in 0..RUNS {
+        // The Cholesky factor of the covariance.
+        let (a, b) = (normal(), normal());
+        let root = covariance[0].sqrt();
+        let below = covariance[1] / root;
+        let start = [root * a, below * a + (covariance[3] - below * below).sqrt() * b];
+        let path = run(tube.gains(), start, || [sd[0] * normal(), sd[1] * normal()]);
+        for (k, (x, u)) in path.into_iter().enumerate() {
+            let [p, q, _, r] = tube.covariances()[4 * (k + 1)..4 * (k + 2)] else { panic!() };
+            let normalized =
+                (r * x[0] * x[0] - 2.0 * q * x[0] * x[1] + p * x[1] * x[1]) / (p * r - q * q);
+            beyond[k] += usize::from(normalized > -2.0 * (0.1_f64).ln());
+            for (i, outside) in outside[k].iter_mut().enumerate() {
+                *outside += usize::from(x[i] > back_offs.states[2 * k + i]);
+            }
+            inputs[k] += usize::from(u > back_offs.inputs[k]);
+        }
+    }
+    let share = |count: usize| f64::from(u32::try_from(count).unwrap()) / RUNS as f64;
+    for k in 0..N {
+        // Four standard deviations of a share.
+        assert!((share(beyond[k]) - 0.1).abs() < 0.006, "{k}: {}", share(beyond[k]));
+        for outside in outside[k] {
+            assert!((share(outside) - 0.05).abs() < 0.0045, "{k}: {}", share(outside));
+        }
+        if k > 0 {
+            assert!((share(inputs[k]) - 0.05).abs() < 0.0045, "{k}: {}", share(inputs[k]));
+        }
+    }
+    assert_eq!(back_offs.inputs[0], 0.0);
+}
+
+#[test]
+fn bounded_disturbances_never_leave_the_tube_and_come_near_its_edge() {
+    let (boxes, error, half) = ([0.1, 0.05], [0.02, 0.03], 0.2);
+    let sources = Sources {
+        boxes: boxes.to_vec(),
+        parameters: vec![Interval { place: 0, low: -half, high: 0.5 * half }],
+        error: Some(Box::new(Error(error))),
+        ..Sources::default()
+    };
+    let (tube, back_offs) = tube(sources, None);
+    let mut rng = ChaCha8Rng::seed_from_u64(3);
+    let mut nearest = [0.0_f64; N];
+    for _ in 0..20_000 {
+        // Corners, and a parameter that stays.
+        let p = rng.random_range(-half..=0.5 * half);
+        let p = if rng.random_bool(0.7) { -half } else { p };
+        let mut sign = || if rng.random_bool(0.5) { 1.0 } else { -1.0 };
+        let w = || [0, 1].map(|i| sign() * (boxes[i] + error[i]) + BY_P[i] * p);
+        for (k, (x, u)) in run(tube.gains(), [0.0; 2], w).into_iter().enumerate() {
+            for i in 0..2 {
+                let edge = back_offs.states[2 * k + i];
+                assert!(x[i].abs() <= edge, "{k}: {x:?} {edge}");
+                nearest[k] = nearest[k].max(x[i].abs() / edge);
+            }
+            assert!(u.abs() <= back_offs.inputs[k] + 1e-15, "{k}: {u}");
+        }
+    }
+    // The ellipsoids contain the sums of boxes; they are not much larger.
+    assert!(nearest.iter().all(|near| *near > 0.7), "{nearest:?}");
+}

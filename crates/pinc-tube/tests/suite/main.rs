@@ -1,0 +1,5 @@
+//! Tubes against numpy, and against many drawn plants.
+
+mod drawn;
+mod drive;
+mod refusals;
