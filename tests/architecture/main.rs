@@ -10,7 +10,7 @@ use std::path::{Path, PathBuf};
 use toml::{Table, Value};
 
 /// Our crates with the ones of ours that each depends on, from the bottom up.
-const CRATES: [(&str, &[&str]); 24] = [
+const CRATES: [(&str, &[&str]); 25] = [
     ("pinc-ad", &[]),
     ("pinc-qp", &[]),
     ("pinc-chart", &[]),
@@ -23,6 +23,7 @@ const CRATES: [(&str, &[&str]); 24] = [
     ("pinc-batch", &["pinc-mpc", "pinc-ode"]),
     ("pinc-estimate", &["pinc-mpc", "pinc-ode", "pinc-qp"]),
     ("pinc-identify", &["pinc-estimate", "pinc-ode"]),
+    ("pinc-integer", &["pinc-mpc"]),
     ("pinc-verify", &["pinc-ad", "pinc-expr", "pinc-net", "pinc-ode"]),
     (
         "pinc-export",
@@ -72,6 +73,7 @@ const CRATES: [(&str, &[&str]); 24] = [
             "pinc-export",
             "pinc-expr",
             "pinc-identify",
+            "pinc-integer",
             "pinc-mpc",
             "pinc-net",
             "pinc-ode",

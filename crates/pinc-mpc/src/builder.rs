@@ -3,7 +3,7 @@
 use crate::guard::{Guard, Judge};
 use crate::horizon::Horizon;
 use crate::sqp::Sqp;
-use crate::{MpcError, Nmpc, NmpcProblem, SqpConfig, StageCost};
+use crate::{MpcError, Nmpc, NmpcProblem, PlanSearch, SqpConfig, StageCost};
 use pinc_ode::Model;
 
 /// The parts of a controller.
@@ -32,13 +32,14 @@ pub struct NmpcBuilder {
     stage_cost: Option<Box<dyn StageCost>>,
     config: SqpConfig,
     guard: Option<Guard>,
+    search: Option<Box<dyn PlanSearch>>,
 }
 
 impl NmpcBuilder {
     /// A controller for `problem`, so far without a model.
     pub fn new(problem: NmpcProblem) -> Self {
         let (models, config) = (Vec::new(), SqpConfig::default());
-        Self { problem, models, stage_cost: None, config, guard: None }
+        Self { problem, models, stage_cost: None, config, guard: None, search: None }
     }
 
     /// One model for all stages.
@@ -77,6 +78,12 @@ impl NmpcBuilder {
         self
     }
 
+    /// Lets `search` choose the plan of each step. Real-time iterations are not searched.
+    pub fn search(mut self, search: Box<dyn PlanSearch>) -> Self {
+        self.search = Some(search);
+        self
+    }
+
     /// The controller.
     ///
     /// # Errors
@@ -85,7 +92,7 @@ impl NmpcBuilder {
     /// the problem does not suit the models, these do not make up the horizon, or
     /// the configuration is no sensible choice.
     pub fn build(self) -> Result<Nmpc, MpcError> {
-        let Self { problem, models, stage_cost, config, guard } = self;
+        let Self { problem, models, stage_cost, config, guard, search } = self;
         if let Some((model, _)) = models.first() {
             problem.validate(model.dims())?;
         }
@@ -102,7 +109,8 @@ impl NmpcBuilder {
             return Err(MpcError::UnequalScenarios);
         }
         let sqp = Sqp::new(&problem, config, &horizon, stage_cost)?;
-        let nmpc = Nmpc::of(problem, horizon, config, sqp);
+        let mut nmpc = Nmpc::of(problem, horizon, config, sqp);
+        nmpc.search = search;
         nmpc.with_guard(guard)
     }
 }

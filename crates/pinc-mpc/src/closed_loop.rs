@@ -243,6 +243,7 @@ impl<'a> ClosedLoop<'a> {
         let mut y = vec![0.0; self.plant.dims().ny];
         self.plant.output(&self.x, &self.acted[0], &mut y);
         watch.observe(PlantNow { step: self.done, x: &self.x, y: &y });
+        watch.aim(&mut self.window);
         self.nmpc.set_parameters(&watch.parameters)
     }
 

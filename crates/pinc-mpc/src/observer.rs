@@ -13,6 +13,12 @@ pub trait Observer: Debug {
     /// `x`: as the model's states; `parameters`: as its parameters.
     fn observe(&mut self, plant: PlantNow<'_>, x: &mut [f64], parameters: &mut [f64]);
 
+    /// Moves what is followed in this step, `[N2, outputs]`, for a model with these parameters; by
+    /// default not at all.
+    fn aim(&mut self, parameters: &[f64], reference: &mut [f64]) {
+        let _ = (parameters, reference);
+    }
+
     /// Takes note of the input that acts on the plant in this step, `m`.
     fn advance(&mut self, u: &[f64]);
 }
@@ -49,6 +55,10 @@ impl<'a> Watch<'a> {
         if self.asked.replace(plant.step) != Some(plant.step) {
             self.observer.observe(plant, &mut self.x, &mut self.parameters);
         }
+    }
+
+    pub(crate) fn aim(&mut self, reference: &mut [f64]) {
+        self.observer.aim(&self.parameters, reference);
     }
 
     pub(crate) fn advance(&mut self, u: &[f64]) {

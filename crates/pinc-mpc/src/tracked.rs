@@ -4,7 +4,6 @@ use std::fmt;
 
 /// A quantity that is to follow a reference.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-#[non_exhaustive]
 pub enum Tracked {
     /// A state, by its index.
     State(usize),

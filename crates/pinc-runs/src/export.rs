@@ -131,9 +131,16 @@ pub fn export_controller(
                        control.stages_s, or use `pinc serve`";
         return Err(RunError::usage(&experiment.name, problem));
     }
-    if chosen.spec.first_plan.is_some() {
+    let without = [
+        ("control.first_plan", chosen.spec.first_plan.is_some()),
+        ("control.free_time", chosen.spec.free_time.is_some()),
+        ("control.end_state", !chosen.spec.end_state.is_empty()),
+        ("control.integer", !chosen.spec.integer.is_empty()),
+        ("control.target", chosen.spec.target),
+    ];
+    if let Some((feature, _)) = without.into_iter().find(|(_, is_there)| *is_there) {
         let instead = "a config without it, or `pinc serve`";
-        return Err(ExportError::Feature { feature: "control.first_plan", instead }.into());
+        return Err(ExportError::Feature { feature, instead }.into());
     }
     if chosen.spec.cost.is_some() {
         let instead = "q and r alone, or `pinc serve`";
