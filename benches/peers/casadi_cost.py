@@ -17,7 +17,7 @@ FUNCTIONS |= {"atan": ca.atan, "abs": ca.fabs, "min": ca.fmin, "max": ca.fmax, "
 
 
 def evaluate(text, scope):
-    return eval(text.replace("^", "**"), {"__builtins__": {}}, FUNCTIONS | scope)
+    return eval(f"({text})".replace("^", "**"), {"__builtins__": {}}, FUNCTIONS | scope)
 
 
 def model(config):
@@ -27,8 +27,9 @@ def model(config):
     u = ca.SX.sym("u", len(plant["inputs"]))
     t = ca.SX.sym("t")
     scope = dict(plant.get("parameters", {}))
-    scope |= {v["name"]: x[i] for i, v in enumerate(plant["states"])}
-    scope |= {v["name"]: u[i] for i, v in enumerate(plant["inputs"])}
+    named = lambda v: v if isinstance(v, str) else v["name"]
+    scope |= {named(v): x[i] for i, v in enumerate(plant["states"])}
+    scope |= {named(v): u[i] for i, v in enumerate(plant["inputs"])}
     waiting = dict(plant.get("let", {}))
     while waiting:
         for name, text in list(waiting.items()):
@@ -37,21 +38,23 @@ def model(config):
                 del waiting[name]
             except NameError:
                 pass
-    dx = ca.vertcat(*(evaluate(plant["derivatives"][v["name"]], scope) for v in plant["states"]))
-    for name, output in plant.get("outputs", {}).items():
+    dx = ca.vertcat(*(evaluate(plant["derivatives"][named(v)], scope) for v in plant["states"]))
+    outputs = sorted(plant.get("outputs", {}).items())
+    for name, output in outputs:
         text = output if isinstance(output, str) else output["expression"]
         scope[name] = evaluate(text, scope)
+    bounded = ca.Function("h", [x, u], [ca.vertcat(*(scope[name] for name, _ in outputs))])
+    seconds = {"min": 60.0, "h": 3600.0, "d": 86400.0}.get(plant.get("time_unit"), 1.0)
     scope |= cost.get("parameters", {}) | {"t": t}
     stage = evaluate(cost.get("stage", "0"), scope)
     end = evaluate(cost.get("terminal", "0"), scope)
-    return ca.Function("f", [x, u, t], [dx, stage]), ca.Function("e", [x, u, t], [end])
+    rates = ca.Function("f", [x, u, t], [dx / seconds, stage / seconds])
+    return rates, ca.Function("e", [x, u, t], [end]), bounded
 
 
-def step(f, n, m, length, substeps):
-    x, u, t = ca.SX.sym("x", n), ca.SX.sym("u", m), ca.SX.sym("t")
-    h, now, cost, time = length / substeps, x, 0, t
-    one = ca.SX.sym("y", n), ca.SX.sym("v", m), ca.SX.sym("s")
-    y, v, s = one
+def step(f, n, m, length, substeps, stretch=None):
+    y, v, s = ca.SX.sym("y", n), ca.SX.sym("v", m), ca.SX.sym("s")
+    h = length / substeps * (1 if stretch is None else v[stretch])
     k1, l1 = f(y, v, s)
     k2, l2 = f(y + h / 2 * k1, v, s + h / 2)
     k3, l3 = f(y + h / 2 * k2, v, s + h / 2)
@@ -69,40 +72,70 @@ def step(f, n, m, length, substeps):
     return ca.Function("F", [zx, zu, zt], [last[:n], last[n + 1]])
 
 
+def listed(config):
+    """[control] with its tables by name as lists."""
+    plant, control = config["plant"]["expression"], dict(config["control"])
+    states, inputs = ([v if isinstance(v, str) else v["name"] for v in plant[key]]
+                      for key in ("states", "inputs"))
+    inf = float("inf")
+    for key, names, default in [("state_low", states, -inf), ("state_high", states, inf),
+                                ("input_low", inputs, -inf), ("input_high", inputs, inf),
+                                ("initial_input", inputs, 0.0), ("r", inputs, 0.0)]:
+        if isinstance(control.get(key), dict):
+            control[key] = [control[key].get(name, default) for name in names]
+    ends = control.get("end_state", {})
+    control["ends"] = [(i, ends[name]) for i, name in enumerate(states) if name in ends]
+    stretch = control.get("free_time")
+    control["stretch"] = inputs.index(stretch) if stretch else None
+    return control
+
+
 def solve(config, guess=None):
-    control = config["control"]
+    control = listed(config)
     n, m = len(control["initial_state"]), len(control["input_low"])
     lengths = control.get("stages_s", [control["step_s"]] * control["n2"])
-    f, end = model(config)
-    steps = {}
-    for length in lengths:
-        substeps = max(1, -int(-control["rk4_substeps"] * length / lengths[0] * (1 - 1e-12) // 1))
-        steps[length] = steps.get(length) or step(f, n, m, length, substeps)
+    f, end, bounded = model(config)
+    steps, stretch = {}, control["stretch"]
+    for length in [None, *lengths]:
+        own = length or lengths[0]
+        substeps = max(1, -int(-control["rk4_substeps"] * own / lengths[0] * (1 - 1e-12) // 1))
+        factor = stretch if length else None
+        steps[length] = steps.get(length) or step(f, n, m, own, substeps, factor)
     inf = float("inf")
     X = [ca.MX.sym(f"x{j + 1}", n) for j in range(len(lengths))]
     U = [ca.MX.sym(f"u{j}", m) for j in range(control["nu"])]
-    x, time, J, g = ca.DM(control["initial_state"]), 0.0, 0, []
+    x, time, J, g, same = ca.DM(control["initial_state"]), 0.0, 0, [], []
+    outputs, most = [], []
     previous = control.get("initial_input", [0.0] * m)
     r = control.get("r", [0.0] * m)
     for j, length in enumerate(lengths):
         u = U[min(j, len(U) - 1)]
-        following, cost = steps[length](x, u, time)
+        # The first stage is not stretched.
+        following, cost = steps[length if j > 0 or stretch is None else None](x, u, time)
         J += cost
         if j < len(U):
             J += sum(w * (u[i] - previous[i]) ** 2 for i, w in enumerate(r))
+            if j > 0 and stretch is not None:
+                same.append(u[stretch] - previous[stretch])
             previous = u
         g.append(following - X[j])
+        if "output_high" in control:
+            outputs.append(bounded(X[j], u))
+            most += control["output_high"]
         x, time = X[j], time + length
     J += end(x, U[-1], time)
+    for i, value in control["ends"]:
+        same.append(X[-1][i] - value)
     low = control.get("state_low", [-inf] * n) * len(X) + control["input_low"] * len(U)
     high = control.get("state_high", [inf] * n) * len(X) + control["input_high"] * len(U)
-    held = control.get("initial_input", [0.0] * m)
+    held = control.get("first_plan", {}).get("input", control.get("initial_input", [0.0] * m))
     start = guess or list(control["initial_state"]) * len(X) + list(held) * len(U)
-    problem = {"x": ca.vertcat(*X, *U), "f": J, "g": ca.vertcat(*g)}
+    problem = {"x": ca.vertcat(*X, *U), "f": J, "g": ca.vertcat(*g, *same, *outputs)}
     quiet = {"ipopt.print_level": 0, "print_time": 0, "ipopt.sb": "yes", "ipopt.tol": 1e-11,
              "ipopt.max_iter": 5000, "ipopt.bound_relax_factor": 0.0}
     solver = ca.nlpsol("s", "ipopt", problem, quiet)
-    found = solver(x0=start, lbx=low, ubx=high, lbg=0, ubg=0)
+    found = solver(x0=start, lbx=low, ubx=high, lbg=[0] * (n * len(X) + len(same)) + [-inf] * len(most),
+                   ubg=[0] * (n * len(X) + len(same)) + most)
     z = found["x"].full().ravel().tolist()
     status = solver.stats()["return_status"]
     return float(found["f"]), z[n * len(X):], status, solver.stats()["iter_count"]

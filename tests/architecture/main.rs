@@ -10,7 +10,7 @@ use std::path::{Path, PathBuf};
 use toml::{Table, Value};
 
 /// Our crates with the ones of ours that each depends on, from the bottom up.
-const CRATES: [(&str, &[&str]); 27] = [
+const CRATES: [(&str, &[&str]); 28] = [
     ("pinc-ad", &[]),
     ("pinc-qp", &["pinc-ad"]),
     ("pinc-chart", &[]),
@@ -26,6 +26,7 @@ const CRATES: [(&str, &[&str]); 27] = [
     ("pinc-shrink", &["pinc-batch", "pinc-mpc", "pinc-net", "pinc-ode", "pinc-sensitivity"]),
     ("pinc-estimate", &["pinc-mpc", "pinc-ode", "pinc-qp"]),
     ("pinc-identify", &["pinc-estimate", "pinc-ode"]),
+    ("pinc-integer", &["pinc-mpc"]),
     ("pinc-verify", &["pinc-ad", "pinc-expr", "pinc-net", "pinc-ode"]),
     (
         "pinc-export",
@@ -78,6 +79,7 @@ const CRATES: [(&str, &[&str]); 27] = [
             "pinc-export",
             "pinc-expr",
             "pinc-identify",
+            "pinc-integer",
             "pinc-mpc",
             "pinc-net",
             "pinc-ode",

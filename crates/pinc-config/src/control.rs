@@ -1,6 +1,7 @@
 //! The `[control]` section.
 
 use crate::estimator::{EstimatorSpec, MeasurementSpec};
+use crate::free_time;
 use crate::{
     BoundStep, CostSpec, LoadSpec, ModelKind, ParameterStep, PlantSpec, ScenarioSpec,
     UncertaintySpec, Variables,
@@ -83,6 +84,25 @@ pub struct ControlSpec {
     /// If absent, each stage is one control step long.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub stages_s: Option<Vec<f64>>,
+    /// Name of the input that stretches the horizon's time: a factor on the length of all stages but
+    /// the first, one for all of them, that the controller chooses. It is an input of the plant that
+    /// no equation uses. If absent, stages have their given lengths.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub free_time: Option<String>,
+    /// Values that states must have at the end of the horizon, by name; none if absent.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub end_state: BTreeMap<String, f64>,
+    /// Names of the inputs that are whole numbers, as pumps that are on (1) or off (0).
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub integer: Vec<String>,
+    /// The most programs that a step solves to find the best whole numbers by branch and bound; beyond
+    /// them the best inputs known are taken, sum-up rounding's at least, and the status is `rounded`.
+    #[serde(default = "integer_programs", skip_serializing_if = "is_integer_programs")]
+    pub integer_programs: usize,
+    /// Whether references are replaced in each step by the nearest steady state that the models can
+    /// hold within the bounds, under the disturbances and parameters that the estimator finds.
+    #[serde(default, skip_serializing_if = "is_false")]
+    pub target: bool,
     /// Q, the weight of the controlled quantities' squared errors.
     #[serde(default, skip_serializing_if = "is_no_weight")]
     pub q: Weight,
@@ -195,7 +215,7 @@ impl ControlSpec {
     /// The problem for a plant with these variables.
     #[must_use]
     pub fn problem(&self, variables: &Variables, sample_time_s: f64) -> NmpcProblem {
-        let (states, inputs) = (variables.states.len(), variables.inputs.len());
+        let inputs = variables.inputs.len();
         let own = variables.own_outputs();
         let tracked = |name: &String| {
             let output = || own.iter().find(|(_, v)| v.name == *name);
@@ -216,19 +236,24 @@ impl ControlSpec {
             }
             Some(w) => Weights::scaled(self.q.clone(), r, &w, &w[..free]),
         };
-        let weights = Weights {
+        let mut weights = Weights {
             terminal: self.q_terminal.clone(),
             input_sequence: self.input_sequence(inputs),
             ..weights
         };
+        let mut increment_bounds = bounds(&self.increment_low, &self.increment_high, inputs);
+        if let Some(stretch) = self.stretch(variables) {
+            increment_bounds = free_time::held(increment_bounds, free, stretch);
+            weights.r = free_time::stiff(&weights.r, free, stretch);
+        }
         NmpcProblem {
             n1: self.n1,
             control_horizon: self.nu,
             tracked: self.controlled.iter().filter_map(tracked).collect(),
-            state_bounds: bounds(&self.state_low, &self.state_high, states),
+            state_bounds: self.state_bounds(variables),
             state_softness: self.state_softness.clone(),
             input_bounds: Bounds { low: self.input_low.clone(), high: self.input_high.clone() },
-            increment_bounds: bounds(&self.increment_low, &self.increment_high, inputs),
+            increment_bounds,
             output_bounds: self.output_bounds(variables),
             output_softness: self.output_softness(variables),
             delay: self.delay_steps,
@@ -238,6 +263,30 @@ impl ControlSpec {
 }
 
 impl ControlSpec {
+    /// The bounds of the states, with the values at the end of the horizon.
+    fn state_bounds(&self, variables: &Variables) -> Bounds {
+        let states = variables.states.len();
+        let all = bounds(&self.state_low, &self.state_high, states);
+        if self.end_state.is_empty() {
+            return all;
+        }
+        let mut all = Bounds { low: all.low.repeat(self.n2), high: all.high.repeat(self.n2) };
+        let last = (self.n2 - 1) * states;
+        for (i, state) in variables.states.iter().enumerate() {
+            if let Some(value) = self.end_state.get(state.name.as_ref()) {
+                (all.low[last + i], all.high[last + i]) = (*value, *value);
+            }
+        }
+        all
+    }
+
+    /// The places of the inputs that are whole numbers.
+    #[must_use]
+    pub fn integer_places(&self, variables: &Variables) -> Vec<usize> {
+        let place = |name: &String| variables.inputs.iter().position(|input| input.name == *name);
+        self.integer.iter().filter_map(place).collect()
+    }
+
     /// R, which is 0 if it was left out.
     #[must_use]
     pub fn input_weight(&self, inputs: usize) -> Weight {
@@ -337,6 +386,15 @@ fn yes() -> bool {
 #[expect(clippy::trivially_copy_pass_by_ref, reason = "as serde calls it")]
 fn is_false(of: &bool) -> bool {
     !of
+}
+
+fn integer_programs() -> usize {
+    200
+}
+
+#[expect(clippy::trivially_copy_pass_by_ref, reason = "as serde calls it")]
+fn is_integer_programs(of: &usize) -> bool {
+    *of == integer_programs()
 }
 
 /// One step in twenty.

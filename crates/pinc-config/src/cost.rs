@@ -1,6 +1,6 @@
 //! The section `[control.cost]`: a cost as text.
 
-use crate::{Experiment, PlantSpec};
+use crate::PlantSpec;
 use pinc_expr::{CostExpressions, Equations, ExpressionError, PlantEquations};
 use pinc_ode::DynPlant;
 use serde::{Deserialize, Serialize};
@@ -39,27 +39,17 @@ impl CostSpec {
         plant: &PlantSpec,
         varying: &[&str],
     ) -> Result<Box<dyn DynPlant>, ExpressionError> {
-        let expressions = CostExpressions {
+        let equations = plant.equations().unwrap_or_else(|| at_rest(plant));
+        Ok(equations.compile_with_cost(varying, self.expressions())?.into_dyn())
+    }
+
+    /// The expressions, 0 for one that is left out.
+    pub(crate) fn expressions(&self) -> CostExpressions<'_> {
+        CostExpressions {
             stage: self.stage.as_deref().unwrap_or("0"),
             terminal: self.terminal.as_deref().unwrap_or("0"),
             parameters: &self.parameters,
-        };
-        let equations = plant.equations().unwrap_or_else(|| at_rest(plant));
-        Ok(equations.compile_with_cost(varying, expressions)?.into_dyn())
-    }
-}
-
-impl Experiment {
-    /// The plant with the cost of `[control.cost]` beside it, if there is one.
-    ///
-    /// # Panics
-    ///
-    /// If the experiment was not read and checked, and an expression is wrong.
-    #[must_use]
-    pub fn costed_plant(&self, varying: &[&str]) -> Option<Box<dyn DynPlant>> {
-        let cost = self.control.as_ref()?.cost.as_ref()?;
-        let plant = cost.beside(&self.plant, varying);
-        Some(plant.expect("the cost was compiled when the config was read"))
+        }
     }
 }
 

@@ -17,6 +17,7 @@ mod data;
 mod estimator;
 mod experiment;
 mod explain;
+mod free_time;
 mod identify;
 mod layers;
 mod list;
@@ -54,6 +55,7 @@ pub use estimator::{
     UnknownParameter,
 };
 pub use experiment::{Experiment, LoopParameters, steps};
+pub use free_time::HorizonPlants;
 pub use identify::{IdentifiedNet, IdentifiedParameter, IdentifyCriterion, IdentifySpec};
 pub use list::{ListedRun, RunList};
 pub use load::{LoadSpec, PlantInTheLoop};

@@ -7,6 +7,7 @@
 //! - [`Estimator`]: the interface of the estimators [`Ekf`] (with a linear model, the Kalman
 //!   filter), [`Ukf`] and, with bounds, [`Mhe`].
 //! - [`OutputFeedback`]: sensors and an estimator in a [`ClosedLoop`](pinc_mpc::ClosedLoop).
+//! - [`SteadyTarget`]: what can be held of a reference under estimated disturbances.
 //!
 //! A status is a value, for a controller needs an estimate however a step ends; an
 //! [`EstimateError`] means that the parts do not fit together.
@@ -25,6 +26,7 @@ mod gate;
 mod kalman;
 mod matrix;
 mod mhe;
+mod target;
 mod ukf;
 
 pub use augmented::Augmented;
@@ -37,4 +39,5 @@ pub use estimator::{Correction, Estimator, EstimatorStatus, Tuning};
 pub use feedback::{History, OutputFeedback, state_covariance};
 pub use gate::Gate;
 pub use mhe::Mhe;
+pub use target::SteadyTarget;
 pub use ukf::Ukf;

@@ -278,15 +278,19 @@ impl Equations {
         self.unrolled(|plain| plain.graph(varying)?.compile())
     }
 
-    /// See [`PlantEquations::compile_with_cost`].
-    pub(crate) fn compile_with_cost(
+    /// The values that derivatives and outputs are computed from, with a cost beside them if there
+    /// is one.
+    pub(crate) fn graph_with_cost(
         &self,
         varying: &[&str],
-        cost: CostExpressions<'_>,
-    ) -> Result<ExpressionPlant, ExpressionError> {
-        self.unrolled_with(cost.texts(), |plain, texts| {
-            plain.graph_beside(varying, Some((cost, texts)))?.compile()
-        })
+        cost: Option<CostExpressions<'_>>,
+    ) -> Result<PlantGraph, ExpressionError> {
+        match cost {
+            None => self.unrolled(|plain| plain.graph(varying)),
+            Some(cost) => self.unrolled_with(cost.texts(), |plain, texts| {
+                plain.graph_beside(varying, Some((cost, texts)))
+            }),
+        }
     }
 
     /// The terms on which it depends where these equations are defined and smooth.

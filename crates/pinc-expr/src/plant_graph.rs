@@ -104,6 +104,18 @@ impl PlantGraph {
         Ok(traced)
     }
 
+    /// Multiplies all derivatives by an input.
+    ///
+    /// # Panics
+    ///
+    /// If there is no such input.
+    pub(crate) fn stretch_time(&mut self, input: usize) {
+        assert!(input < self.inputs.len(), "one of the inputs");
+        let factor = self.graph.variable(self.states.len() + input);
+        let Self { graph, derivatives, .. } = self;
+        derivatives.iter_mut().for_each(|value| *value = graph.mul(*value, factor));
+    }
+
     /// States, inputs and parameters.
     fn variables(&self) -> usize {
         self.states.len() + self.inputs.len() + self.parameters.len()

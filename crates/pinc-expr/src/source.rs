@@ -163,11 +163,40 @@ impl PlantEquations {
         varying: &[&str],
         cost: CostExpressions<'_>,
     ) -> Result<ExpressionPlant, ExpressionError> {
+        self.graph(varying, Some(cost))?.compile()
+    }
+
+    /// [`PlantEquations::compile_with`], or with a `cost` [`PlantEquations::compile_with_cost`], in
+    /// stretched time: all derivatives, and the rates of the time and the cost, are multiplied by
+    /// the input at place `input`. A step of length T of this plant is a step of input times T of the
+    /// plant itself.
+    ///
+    /// # Errors
+    ///
+    /// As those.
+    ///
+    /// # Panics
+    ///
+    /// If there is no such input.
+    pub fn compile_stretched(
+        &self,
+        varying: &[&str],
+        cost: Option<CostExpressions<'_>>,
+        input: usize,
+    ) -> Result<ExpressionPlant, ExpressionError> {
+        let mut graph = self.graph(varying, cost)?;
+        graph.stretch_time(input);
+        graph.compile()
+    }
+
+    fn graph(
+        &self,
+        varying: &[&str],
+        cost: Option<CostExpressions<'_>>,
+    ) -> Result<PlantGraph, ExpressionError> {
         match &self.0 {
-            Source::Text(equations) => equations.compile_with_cost(varying, cost),
-            Source::Rust { plant, constants } => {
-                plant.trace(constants, varying, false, Some(cost))?.compile()
-            }
+            Source::Text(equations) => equations.graph_with_cost(varying, cost),
+            Source::Rust { plant, constants } => plant.trace(constants, varying, false, cost),
         }
     }
 

@@ -3,7 +3,7 @@
 use crate::guard::{Guard, Judge};
 use crate::horizon::Horizon;
 use crate::sqp::Sqp;
-use crate::{MpcError, Nmpc, NmpcProblem, SqpConfig, StageCost};
+use crate::{MpcError, Nmpc, NmpcProblem, PlanSearch, SqpConfig, StageCost};
 use pinc_ode::Model;
 use pinc_tube::Tube;
 
@@ -34,13 +34,14 @@ pub struct NmpcBuilder {
     config: SqpConfig,
     guard: Option<Guard>,
     tube: Option<Box<dyn Tube>>,
+    search: Option<Box<dyn PlanSearch>>,
 }
 
 impl NmpcBuilder {
     /// A controller for `problem`, so far without a model.
     pub fn new(problem: NmpcProblem) -> Self {
         let (models, config) = (Vec::new(), SqpConfig::default());
-        Self { problem, models, stage_cost: None, config, guard: None, tube: None }
+        Self { problem, models, stage_cost: None, config, guard: None, tube: None, search: None }
     }
 
     /// One model for all stages.
@@ -87,6 +88,12 @@ impl NmpcBuilder {
         self
     }
 
+    /// Lets `search` choose the plan of each step. Real-time iterations are not searched.
+    pub fn search(mut self, search: Box<dyn PlanSearch>) -> Self {
+        self.search = Some(search);
+        self
+    }
+
     /// The controller.
     ///
     /// # Errors
@@ -95,7 +102,7 @@ impl NmpcBuilder {
     /// the problem does not suit the models, these do not make up the horizon, or
     /// the configuration is no sensible choice.
     pub fn build(self) -> Result<Nmpc, MpcError> {
-        let Self { problem, models, stage_cost, config, guard, tube } = self;
+        let Self { problem, models, stage_cost, config, guard, tube, search } = self;
         if let Some((model, _)) = models.first() {
             problem.validate(model.dims())?;
         }
@@ -119,6 +126,7 @@ impl NmpcBuilder {
                 ("stages of different lengths", !horizon.is_uniform()),
                 ("a delay", problem.delay > 0),
                 ("a substitute controller", substituted),
+                ("whole inputs", search.is_some()),
             ] {
                 if is_there {
                     return Err(MpcError::WithTube(what));
@@ -126,7 +134,8 @@ impl NmpcBuilder {
             }
             sqp.transcription.set_tube(tube, horizon.dims().ny);
         }
-        let nmpc = Nmpc::of(problem, horizon, config, sqp);
+        let mut nmpc = Nmpc::of(problem, horizon, config, sqp);
+        nmpc.search = search;
         nmpc.with_guard(guard)
     }
 }

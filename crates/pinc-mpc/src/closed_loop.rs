@@ -248,6 +248,7 @@ impl<'a> ClosedLoop<'a> {
         if let Some(covariance) = watch.covariance() {
             self.nmpc.set_covariance(covariance);
         }
+        watch.aim(&mut self.window);
         self.nmpc.set_parameters(&watch.parameters)
     }
 

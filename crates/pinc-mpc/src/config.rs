@@ -12,6 +12,9 @@ use std::fmt;
 pub enum SqpStatus {
     /// The KKT residual is within the tolerance.
     Converged,
+    /// Inputs that are whole numbers were rounded, since the search among them was not finished. The
+    /// KKT residual with these inputs held is within the tolerance.
+    Rounded,
     /// It is not, after all the iterations that are allowed.
     IterationLimit,
     /// It is not, and there was no time for more.
@@ -35,6 +38,7 @@ impl fmt::Display for SqpStatus {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(match self {
             Self::Converged => "converged",
+            Self::Rounded => "rounded",
             Self::IterationLimit => "iteration-limit",
             Self::Deadline => "deadline",
             Self::Prepared => "prepared",

@@ -76,6 +76,11 @@ impl LinearizationCache {
         [next, a, b]
     }
 
+    /// p at each stage.
+    fn stage_parameters(&self) -> &[f64] {
+        &self.parameters[..self.dims.horizon * self.counts[1]]
+    }
+
     /// Sets p at each stage; whether it changed, by which what is known is no longer so.
     pub(crate) fn set_stage_parameters<'p>(&mut self, of: impl Fn(usize) -> &'p [f64]) -> bool {
         let (mut changed, last) = (false, self.dims.horizon - 1);
@@ -145,7 +150,7 @@ impl LinearizationCache {
             self.renew_ends(horizon.first_mut());
         } else {
             self.evaluated += dims.horizon;
-            let p = self.parameters.len() / self.counts[0] * self.dims.horizon;
+            let p = self.counts[1] * self.dims.horizon;
             let by = |at: Stages<'_>, out: Linearization<'_>| horizon.linearize(at, out, expired);
             self.known = self.stages.linearize(&self.parameters[..p], by);
         }

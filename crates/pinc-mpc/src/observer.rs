@@ -18,6 +18,12 @@ pub trait Observer: Debug {
         None
     }
 
+    /// Moves what is followed in this step, `[N2, outputs]`, for a model with these parameters; by
+    /// default not at all.
+    fn aim(&mut self, parameters: &[f64], reference: &mut [f64]) {
+        let _ = (parameters, reference);
+    }
+
     /// Takes note of the input that acts on the plant in this step, `m`.
     fn advance(&mut self, u: &[f64]);
 }
@@ -58,6 +64,10 @@ impl<'a> Watch<'a> {
 
     pub(crate) fn covariance(&self) -> Option<&[f64]> {
         self.observer.covariance()
+    }
+
+    pub(crate) fn aim(&mut self, reference: &mut [f64]) {
+        self.observer.aim(&self.parameters, reference);
     }
 
     pub(crate) fn advance(&mut self, u: &[f64]) {

@@ -14,7 +14,7 @@ use crate::stage_terms::StageTerms;
 use crate::timetable::Part;
 use crate::units::Units;
 use crate::{BoundSchedule, Bounds, Constraints, NmpcProblem};
-use pinc_qp::{OcpDims, Qp, Row, all_finite};
+use pinc_qp::{Multipliers, OcpDims, Qp, Row, all_finite};
 use pinc_tube::{Tightened, Tightening, Tube};
 use std::ops::Range;
 
@@ -325,6 +325,18 @@ impl Transcription {
             let wanted = if inputs[v].is_finite() { inputs[v] } else { before };
             // With a finite input before, low <= high.
             inputs[v] = wanted.max(low).min(high).max(least).min(most);
+        }
+    }
+
+    /// Clears the multipliers of limits that are infinite, as after a shift from limited stages.
+    pub(crate) fn clear_unlimited(&self, of: &mut Multipliers) {
+        let Multipliers { bounds, increments, .. } = of;
+        for (limits, mu) in [(&self.bounds, bounds), (&self.increments, increments)] {
+            for (mu, (low, high)) in mu.iter_mut().zip(limits.low.iter().zip(&limits.high)) {
+                if (if *mu > 0.0 { high } else { low }).is_infinite() {
+                    *mu = 0.0;
+                }
+            }
         }
     }
 

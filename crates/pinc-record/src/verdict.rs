@@ -49,6 +49,15 @@ enum LoopFinding {
         /// A model of the same run with which this reference was reached.
         reached_with: Option<ModelKind>,
     },
+    /// A reference cannot be held.
+    NotHeld {
+        /// The model in the controller.
+        model: ModelKind,
+        /// The quantity.
+        quantity: String,
+        /// The nearest value that can be held.
+        nearest: f64,
+    },
     /// Plans may be no minima.
     CurvatureDropped {
         /// The model in the controller.
@@ -113,6 +122,12 @@ impl Metrics {
             time_unit: self.time_unit,
         }));
         findings.extend(of.references.offset.keys().filter_map(|name| self.not_reached(of, name)));
+        let held = of.estimator.iter().flat_map(|estimator| &estimator.nearest_held);
+        findings.extend(held.map(|(quantity, nearest)| LoopFinding::NotHeld {
+            model: of.model,
+            quantity: quantity.clone(),
+            nearest: *nearest,
+        }));
         let estimator =
             of.estimator.iter().flat_map(|estimator| consistency::findings(estimator, of));
         let finding = |finding| LoopFinding::Estimator { model: of.model, finding };
@@ -207,6 +222,12 @@ impl LoopFinding {
                  steps.",
                 model.title()
             ),
+            Self::NotHeld { model, quantity, nearest } => format!(
+                "With {} the last reference of {quantity} cannot be held: {} is the nearest that \
+                 can.",
+                model.title(),
+                significant(*nearest)
+            ),
             Self::Estimator { model, finding } => format!("With {} {finding}", model.title()),
         }
     }
@@ -239,6 +260,10 @@ impl LoopFinding {
             Self::CurvatureDropped { .. } => {
                 "Their plans meet the first-order conditions, but are not proven to be minima: \
                  weight moves of the inputs a little (r)."
+                    .to_owned()
+            }
+            Self::NotHeld { .. } => {
+                "The bounds, the estimated disturbances and the other references leave no more."
                     .to_owned()
             }
             Self::Estimator { finding, .. } => finding.advice().to_owned(),

@@ -147,7 +147,7 @@ impl<'e> Chosen<'e> {
             seed: 0,
             parameters: &self.parameters,
             estimated: &self.estimated,
-            costed: self.experiment.costed_plant(&self.varying()),
+            beside: self.experiment.horizon_plants(&self.varying()),
             scenarios: self.scenarios.clone(),
             truth: &*self.truth,
             schedules: Schedules::default(),

@@ -9,7 +9,7 @@ use super::recording::{Recording, Totals, TraceColumns, write_medians};
 use crate::RunError;
 use crate::progress::Stage;
 use pinc_check::{Metered, Rehearsal, Work};
-use pinc_config::{ControlSpec, Experiment, ModelKind, Schedule, Variables};
+use pinc_config::{ControlSpec, Experiment, HorizonPlants, ModelKind, Schedule, Variables};
 use pinc_mpc::{
     BoundSchedule, Bounded, ClosedLoop, Nmpc, NmpcProblem, Reference, Scenarios, Violation,
 };
@@ -18,8 +18,8 @@ use pinc_ode::{
     Dims, DynPlant, DynRhs, Integrator, PiecewiseConstant, Scheme, Simulator, Trajectory,
 };
 use pinc_record::{
-    ControlColumns, ControlMetrics, CostMetrics, Metrics, ReferenceMetrics, RunDir, StepTimes,
-    ViolationMetrics, WallTimes, file,
+    ControlColumns, ControlMetrics, CostMetrics, EstimatorMetrics, Metrics, ReferenceMetrics,
+    RunDir, StepTimes, ViolationMetrics, WallTimes, file,
 };
 use std::cell::Cell;
 use std::collections::BTreeMap;
@@ -48,8 +48,8 @@ pub struct LoopSetup<'a> {
     pub(crate) parameters: &'a [f64],
     /// The places of those.
     pub(crate) estimated: &'a [usize],
-    /// The plant that the models are of with the cost of `[control.cost]` beside it, if there is one.
-    pub(crate) costed: Option<Box<dyn DynPlant>>,
+    /// Other forms of the plant that the models are of.
+    pub(crate) beside: HorizonPlants,
     /// What the models' parameters may be.
     pub(crate) scenarios: Option<Scenarios>,
     /// The plant in the loop at first.
@@ -178,7 +178,10 @@ fn run_model(
     let states = variables.state_names();
     let measured = setup.sections().map_or_else(Vec::new, |(_, of)| of.names(&variables));
     let names = (&states[..], &measured[..]);
-    let estimator = estimates.map(|of| feedback::metrics(of.history(), names, estimator_us));
+    let estimator = estimates.map(|of| EstimatorMetrics {
+        nearest_held: setup.nearest_held(of.target()),
+        ..feedback::metrics(of.history(), names, estimator_us)
+    });
     let (wall_s, step_us) = (times.of_runs(), times.of_steps());
     let outside_domain = outside;
     Ok(ControlMetrics { wall_s, step_us, outside_domain, model_error, estimator, ..results })
@@ -208,7 +211,7 @@ pub fn verdict(experiment: &Experiment, metrics: &Metrics) -> Result<(), RunErro
 /// RK4.
 pub(super) fn rehearse(
     (plant, metered): (&dyn DynPlant, &Metered),
-    (spec, costed): (&ControlSpec, Option<Box<dyn DynPlant>>),
+    (spec, beside): (&ControlSpec, HorizonPlants),
     sample_time_s: f64,
     work: &Work,
 ) -> Result<Rehearsal, RunError> {
@@ -217,7 +220,7 @@ pub(super) fn rehearse(
     let kind = integrator.copied().unwrap_or(other);
     let spec = ControlSpec { estimator: None, uncertainty: None, ..spec.clone() };
     let numerical = LoopSetup::numerical(&spec, sample_time_s, plant);
-    let setup = LoopSetup { truth: metered, costed, ..numerical };
+    let setup = LoopSetup { truth: metered, beside, ..numerical };
     let mut nmpc = setup.controller(kind, plant)?;
     let mut run = setup.begin(&mut nmpc)?;
     let (mut trace, mut status) = (Trajectory::new(plant.dims()), BTreeMap::new());
@@ -297,7 +300,7 @@ impl<'a> LoopSetup<'a> {
             seed: 0,
             parameters: &[],
             estimated: &[],
-            costed: None,
+            beside: HorizonPlants::default(),
             scenarios: None,
             truth: plant,
             schedules: Schedules::default(),
@@ -403,6 +406,17 @@ impl LoopSetup<'_> {
         let errors = run.largest_errors().into_iter().enumerate();
         let least = |i: usize| (1e-9 * size(i)).max(SETTLED_RANGE * self.bounded_range(i));
         errors.map(|(i, error)| (0.01 * error).max(least(i))).collect()
+    }
+
+    /// The controlled quantities whose reference cannot be held, with the nearest value that can, of
+    /// what was asked for and what can be held.
+    fn nearest_held(&self, target: Option<[&[f64]; 2]>) -> BTreeMap<String, f64> {
+        let Some([asked, held]) = target else { return BTreeMap::new() };
+        let differs =
+            |(asked, held): (&f64, &f64)| (asked - held).abs() > 1e-6 * (1.0 + asked.abs());
+        let quantities = self.spec.controlled.iter().zip(asked.iter().zip(held));
+        let missed = quantities.filter(|(_, pair)| differs(*pair));
+        missed.map(|(name, (_, held))| (name.clone(), *held)).collect()
     }
 
     /// The range of a controlled state between its bounds; 0 without both of them.

@@ -132,14 +132,20 @@ pub fn export_controller(
         return Err(RunError::usage(&experiment.name, problem));
     }
     let spec = chosen.spec;
-    let scheduled = !spec.bound_schedule.is_empty();
     let judged = chosen.net().is_some() && !spec.error_tolerance.is_empty();
+    let certified = "a net that `pinc certify` proves, without the key";
+    let (constant, without) =
+        ("constant bounds, or `pinc serve`", "a config without it, or `pinc serve`");
     for (feature, instead, is_there) in [
-        ("control.first_plan", "a config without it, or `pinc serve`", spec.first_plan.is_some()),
+        ("control.first_plan", without, spec.first_plan.is_some()),
+        ("control.free_time", without, spec.free_time.is_some()),
+        ("control.end_state", without, !spec.end_state.is_empty()),
+        ("control.integer", without, !spec.integer.is_empty()),
+        ("control.target", without, spec.target),
         ("control.cost", "q and r alone, or `pinc serve`", spec.cost.is_some()),
-        ("control.bound_schedule", "constant bounds, or `pinc serve`", scheduled),
+        ("control.bound_schedule", constant, !spec.bound_schedule.is_empty()),
         ("control.uncertainty", "tighter bounds, or `pinc serve`", spec.uncertainty.is_some()),
-        ("control.error_tolerance", "a net that `pinc certify` proves, without the key", judged),
+        ("control.error_tolerance", certified, judged),
     ] {
         if is_there {
             return Err(ExportError::Feature { feature, instead }.into());

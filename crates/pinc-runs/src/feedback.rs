@@ -6,7 +6,8 @@ use pinc_config::{
     ControlSpec, EstimatorKind, EstimatorSpec, MeasurementSpec, ModelKind, Variables,
 };
 use pinc_estimate::{
-    Augmentation, Augmented, Ekf, Estimator, EstimatorStatus, History, Mhe, OutputFeedback, Ukf,
+    Augmentation, Augmented, Ekf, Estimator, EstimatorStatus, History, Mhe, OutputFeedback,
+    SteadyTarget, Ukf,
 };
 use pinc_mpc::{Observer, PlantNow};
 use pinc_ode::{DynPlant, Model};
@@ -26,6 +27,7 @@ const NOISE: u64 = 0x006e_6f69_7365;
 #[derive(Debug)]
 pub(super) struct TimedFeedback {
     feedback: OutputFeedback,
+    target: Option<SteadyTarget>,
     /// How long each correction and prediction took, in us.
     correct_us: Vec<f64>,
     predict_us: Vec<f64>,
@@ -45,6 +47,12 @@ impl Observer for TimedFeedback {
         self.feedback.covariance()
     }
 
+    fn aim(&mut self, parameters: &[f64], reference: &mut [f64]) {
+        if let Some(target) = &mut self.target {
+            target.aim(parameters, reference);
+        }
+    }
+
     fn advance(&mut self, u: &[f64]) {
         let clock = Instant::now();
         self.feedback.advance(u);
@@ -61,6 +69,11 @@ impl TimedFeedback {
     /// What the estimator did.
     pub(super) fn history(&self) -> &History {
         self.feedback.history()
+    }
+
+    /// What was asked for last and what can be held of it, where these are searched for.
+    pub(super) fn target(&self) -> Option<[&[f64]; 2]> {
+        self.target.as_ref().map(SteadyTarget::last)
     }
 
     /// For each step, the time of its correction and prediction together.
@@ -125,6 +138,7 @@ impl LoopSetup<'_> {
         let feedback = OutputFeedback::new(estimator, augmentation, noise);
         Ok(Some(TimedFeedback {
             feedback,
+            target: self.target(kind, plant)?,
             correct_us: Vec::new(),
             predict_us: Vec::new(),
             last: Rc::default(),
@@ -195,6 +209,7 @@ pub(super) fn metrics(
         nees_steps,
         rejected: rejected(history, measured),
         estimate_rmse: rmse.map(|(name, sum)| (name, (sum / steps).sqrt())).collect(),
+        nearest_held: BTreeMap::new(),
         estimator_us: StepTimes::of(times_us),
         estimator_status: status,
     }

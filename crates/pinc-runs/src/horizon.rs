@@ -3,8 +3,9 @@
 use super::control::LoopSetup;
 use super::model_error::{ErrorJudge, NetError, SharedLog, correction};
 use crate::RunError;
-use pinc_config::{ModelKind, OnError, TubeParts, UncertaintySpec, Variables};
-use pinc_estimate::{Augmentation, Compensated};
+use pinc_config::{HorizonPlants, ModelKind, OnError, TubeParts, UncertaintySpec, Variables};
+use pinc_estimate::{Augmentation, Compensated, SteadyTarget};
+use pinc_integer::BranchAndBound;
 use pinc_mpc::{IntegratedCost, Nmpc, NmpcBuilder, NmpcProblem};
 use pinc_net::PincModel;
 use pinc_ode::{DynPlant, FlowModel, Integrator, Model, Quadrature, WithOutputs};
@@ -131,6 +132,25 @@ impl LoopSetup<'_> {
         Ok((own.guard(Box::new(judge), substitute).build()?, Some(log)))
     }
 
+    /// The search for what can be held of the references, if the config asks for it.
+    pub(super) fn target(
+        &self,
+        kind: ModelKind,
+        plant: &dyn DynPlant,
+    ) -> Result<Option<SteadyTarget>, RunError> {
+        let Some((estimator, measurement)) = self.sections().filter(|_| self.spec.target) else {
+            return Ok(None);
+        };
+        let mut x = estimator.tuning(self.spec).initial_estimate;
+        let unknown = x.split_off(plant.states().len());
+        let problem = NmpcProblem { parameters: unknown, ..self.problem() };
+        let augmentation = self.augmentation(estimator, &measurement, plant);
+        let model = Compensated::new(self.model(kind, plant)?, augmentation)?;
+        let rest = vec![0.0; plant.inputs().len()];
+        let u = self.spec.initial_input.as_deref().unwrap_or(&rest);
+        Ok(Some(SteadyTarget::new(&problem, Box::new(model), &x, u)?))
+    }
+
     /// A controller with a model for each length of stage, compensated as the augmentations say, the
     /// inner one first.
     fn builder(
@@ -147,14 +167,28 @@ impl LoopSetup<'_> {
             }
             Ok(model)
         };
-        let (mut builder, mut costs) = (Nmpc::builder(problem).config(self.spec.sqp), Vec::new());
-        for (length_s, count) in self.spec.stages(self.sample_time_s) {
+        let (mut builder, mut costs) =
+            (Nmpc::builder(problem.clone()).config(self.spec.sqp), Vec::new());
+        let HorizonPlants { costed, stretched, stretched_costed } = &self.beside;
+        for (length_s, count, stretches) in self.spec.stretched_stages(self.sample_time_s) {
+            let (plant, costed) = match (stretches, stretched) {
+                (true, Some(stretched)) => (&**stretched, stretched_costed),
+                _ => (plant, costed),
+            };
             let model = compensated(self.model_for(kind, plant, length_s)?)?;
             builder = builder.stages(model, count);
-            if let Some(costed) = &self.costed {
+            if let Some(costed) = costed {
                 let model = compensated(self.cost_for(kind, plant, &**costed, length_s)?)?;
                 costs.push((model, count));
             }
+        }
+        let whole = self.spec.integer_places(&Variables::of(plant));
+        if !whole.is_empty() {
+            let stages = self.spec.stages(self.sample_time_s).into_iter();
+            let lengths: Vec<f64> = stages.flat_map(|(s, count)| vec![s; count]).collect();
+            let lengths = &lengths[..self.spec.nu];
+            let search = BranchAndBound::new(&problem, &whole, self.spec.integer_programs, lengths);
+            builder = builder.search(Box::new(search));
         }
         if !costs.is_empty() {
             builder = builder.stage_cost(Box::new(IntegratedCost::new(costs)));

@@ -404,7 +404,7 @@ impl Stages<'_> {
                 seed: experiment.seed,
                 parameters: &values,
                 estimated: &estimated,
-                costed: experiment.costed_plant(&names),
+                beside: experiment.horizon_plants(&names),
                 scenarios: experiment.scenarios(),
                 truth: &*first.plant,
                 schedules,

@@ -8,7 +8,7 @@ use super::model_error::{self, SharedLog};
 use crate::RunError;
 use crate::export::sha256;
 use pinc_config::{ControlSpec, Experiment, ModelKind, Variables};
-use pinc_estimate::{Augmentation, Estimator, EstimatorStatus, state_covariance};
+use pinc_estimate::{Augmentation, Estimator, EstimatorStatus, SteadyTarget, state_covariance};
 use pinc_mpc::{BoundSchedule, Memory, Nmpc, Reference, SqpStatus, Trust};
 use pinc_ode::DynPlant;
 use pinc_record::{ModelErrorMetrics, OutsideDomain};
@@ -53,6 +53,7 @@ pub struct LiveController {
 #[derive(Debug)]
 struct LiveEstimator {
     estimator: Box<dyn Estimator>,
+    target: Option<SteadyTarget>,
     augmentation: Augmentation,
     measured: Vec<String>,
     /// The disturbances and parameters, with their names.
@@ -209,8 +210,11 @@ impl LiveController {
     ///
     /// # Errors
     ///
-    /// [`RunError`] if `smoothing` is not positive.
+    /// [`RunError`] if `smoothing` is not positive, or inputs are whole numbers.
     pub fn sensitivity(&mut self, smoothing: Option<f64>) -> Result<Sensitivity<'_>, RunError> {
+        if !self.spec.integer.is_empty() {
+            return Err(RunError::usage("control.integer", "whole inputs have no derivatives"));
+        }
         Ok(Sensitivity::new(&mut self.nmpc, &self.window, &self.before, smoothing)?)
     }
 
@@ -333,6 +337,9 @@ impl LiveController {
             self.nmpc.set_parameters(&observer.unknowns)?;
             state_covariance(&*observer.estimator, self.x.len(), &mut observer.covariance);
             self.nmpc.set_covariance(&observer.covariance);
+            if let Some(target) = &mut observer.target {
+                target.aim(&observer.unknowns, &mut self.window);
+            }
         }
         self.before.copy_from_slice(u_applied.unwrap_or(&self.u));
         if let Some(u) = u_applied {
@@ -480,6 +487,7 @@ impl LiveEstimator {
                 model,
                 setup.spec.initial_input.as_deref(),
             )?,
+            target: setup.target(kind, plant)?,
             augmentation,
             measured: measurement.names(&variables),
             unknowns: vec![0.0; names.len()],

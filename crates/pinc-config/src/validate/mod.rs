@@ -4,7 +4,9 @@ mod black_box;
 mod control;
 mod cost;
 mod estimator;
+mod free_time;
 mod identify;
+mod integer;
 pub(crate) mod limits;
 mod names;
 mod scenarios;
@@ -78,6 +80,9 @@ impl Experiment {
         if let Some(control) = &self.control {
             closed_loop(control, &variables, self.plants())?;
             cost::expressions(self, control, &variables)?;
+            free_time::free_time(self, control, &variables)?;
+            integer::whole(control, &variables)?;
+            integer::target(control)?;
             schedule::times(control, self.sample_time_s())?;
             estimator::output_feedback(self, control, &variables)?;
             schedule::schedules(self, control)?;

@@ -7,4 +7,5 @@ mod models;
 mod moving_horizon;
 mod recorded;
 mod support;
+mod target;
 mod widening;

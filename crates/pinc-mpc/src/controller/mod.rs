@@ -2,6 +2,7 @@
 
 mod first_plan;
 mod handover;
+mod searched;
 
 use crate::builder::NmpcBuilder;
 use crate::cost::Targets;
@@ -13,7 +14,7 @@ use crate::report::{Planned, StepReport};
 use crate::scenarios::AtNodes;
 use crate::solution::Solution;
 use crate::sqp::{Outcome, PlanState, Sqp, StepInput};
-use crate::{MpcError, NmpcProblem, SqpConfig, SqpStatus};
+use crate::{MpcError, NmpcProblem, PlanSearch, SqpConfig, SqpStatus};
 use pinc_ode::Model;
 use pinc_qp::{OcpDims, all_finite};
 
@@ -93,6 +94,7 @@ pub struct Nmpc {
     pub(crate) guard: Option<Guard>,
     /// The reference at the nodes of a tree.
     at_nodes: Option<AtNodes>,
+    pub(crate) search: Option<Box<dyn PlanSearch>>,
 }
 
 impl Nmpc {
@@ -138,6 +140,7 @@ impl Nmpc {
             start: vec![0.0; dims.nx],
             next: vec![0.0; dims.nx],
             guard: None,
+            search: None,
         }
     }
 
@@ -415,7 +418,11 @@ impl Nmpc {
             self.sqp.project(&mut self.plan, &self.previous);
             outcome = self.optimize(reference, expired);
         }
+        if self.search.is_some() {
+            outcome = self.look_further(reference, outcome, expired);
+        }
         let (status, followed) = self.accept(&outcome);
+        self.admit();
         self.previous.copy_from_slice(self.plan.first_input());
         self.push_delay_line();
         Planned::of(&outcome, status, followed, self.sqp.take_work())
@@ -502,6 +509,7 @@ impl Nmpc {
                 self.plan.multipliers.clear();
             }
         }
+        self.sqp.transcription.clear_unlimited(&mut self.plan.multipliers);
         self.sqp.project(&mut self.plan, &self.previous);
         if tentative {
             self.sqp.project(&mut self.fallback, &self.previous);
@@ -534,7 +542,8 @@ impl Nmpc {
                 plan_state = PlanState::Evaluated;
             }
         }
-        let solved = matches!(status, SqpStatus::Converged | SqpStatus::Prepared);
+        let solved =
+            matches!(status, SqpStatus::Converged | SqpStatus::Rounded | SqpStatus::Prepared);
         let started_good = self.guess == Guess::Warm { fallback: true };
         let good = finite
             && match plan_state {

@@ -180,6 +180,10 @@ pub struct EstimatorMetrics {
     /// How many measurements of each quantity the estimator's gate rejected, where it rejected any.
     #[serde(default)]
     pub rejected: BTreeMap<String, usize>,
+    /// The nearest value that can be held at the end, of each controlled quantity whose reference
+    /// cannot, with `control.target`.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub nearest_held: BTreeMap<String, f64>,
     /// The root mean square error of each state's estimate at the step marks, in its unit.
     pub estimate_rmse: BTreeMap<String, f64>,
     /// Time of a correction and a prediction together.
@@ -207,7 +211,7 @@ impl ControlMetrics {
 /// Whether a control step with this status, in the words of [`SqpStatus`], has failed.
 #[must_use]
 pub fn is_failure(status: &str) -> bool {
-    let fine = [SqpStatus::Converged, SqpStatus::Prepared, SqpStatus::Deadline];
+    let fine = [SqpStatus::Converged, SqpStatus::Rounded, SqpStatus::Prepared, SqpStatus::Deadline];
     fine.iter().all(|fine| fine.to_string() != status)
 }
 

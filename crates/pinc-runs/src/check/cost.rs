@@ -31,8 +31,8 @@ pub(super) fn measure(
     // No estimator: the loop measures the plant's state.
     let spec = &ControlSpec { estimator: None, uncertainty: None, ..spec.clone() };
     let numerical = LoopSetup::numerical(spec, sample_time_s, plant);
-    let costed = experiment.costed_plant(&[]);
-    let setup = LoopSetup { net: net.as_ref(), truth: metered, costed, ..numerical };
+    let beside = experiment.horizon_plants(&[]);
+    let setup = LoopSetup { net: net.as_ref(), truth: metered, beside, ..numerical };
     let (x, u) = (&spec.initial_state, middle(spec));
     let mut dx = vec![0.0; x.len()];
     let rhs_ns = call_ns(|| plant.rhs(black_box(x), black_box(&u), &[], black_box(&mut dx)));

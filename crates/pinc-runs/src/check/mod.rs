@@ -36,8 +36,8 @@ fn examine(plant: &dyn DynPlant, experiment: &Experiment, verbosity: Verbosity) 
     let step_s = experiment.sample_time_s();
     work.begin();
     let rehearsal = experiment.control.as_ref().zip(step_s).map(|(spec, step_s)| {
-        let costed = experiment.costed_plant(&[]);
-        rehearse((plant, &metered), (spec, costed), step_s, &work)
+        let beside = experiment.horizon_plants(&[]);
+        rehearse((plant, &metered), (spec, beside), step_s, &work)
             .map_err(|error| error.to_string())
     });
     work.begin();

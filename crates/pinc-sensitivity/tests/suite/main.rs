@@ -3,4 +3,5 @@
 mod differences;
 mod formulas;
 mod problems;
+mod refusals;
 mod stream;

@@ -29,6 +29,7 @@ mod oil_well;
 mod optima;
 mod own_plant;
 mod predict;
+mod problems;
 mod random;
 mod resume;
 mod run_directory;

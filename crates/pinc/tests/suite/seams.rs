@@ -358,6 +358,33 @@ fn keys() -> Vec<(&'static str, Vec<&'static str>, About)> {
             vec!["control.n2=3", "control.nu=3", "control.stages_s=[0.5, 0.5, 1.0]"],
             Controller,
         ),
+        (
+            "free_time",
+            vec![
+                "control.free_time=\"u\"",
+                "control.input_low=[0.1]",
+                "control.initial_input=[0.5]",
+                "control.references=[{ start_s = 0.0, value = [0.3] }]",
+            ],
+            Controller,
+        ),
+        ("end_state", vec!["control.end_state={ x = 0.1 }"], Controller),
+        ("integer", vec!["control.integer=[\"u\"]"], Controller),
+        (
+            "integer_programs",
+            vec!["control.integer=[\"u\"]", "control.integer_programs=1"],
+            Controller,
+        ),
+        (
+            "target",
+            with(&[
+                "control.target=true",
+                "control.controlled=[\"x\", \"u\"]",
+                "control.q=[10.0, 1.0]",
+                "control.references=[{ start_s = 0.0, value = [0.3, 0.0] }]",
+            ]),
+            Controller,
+        ),
         ("q", vec!["control.q=[3.0]"], Controller),
         ("r", vec!["control.r=[0.1]"], Controller),
         ("cost", vec!["control.cost={ stage = \"u^2 - x\", terminal = \"x^2\" }"], Controller),

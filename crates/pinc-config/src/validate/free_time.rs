@@ -1,0 +1,97 @@
+//! Checks of `control.free_time` and `control.end_state`.
+
+use super::values::value;
+use super::{Checked, Problem};
+use crate::estimator::DisturbanceSpec;
+use crate::problem::nearest;
+use crate::{ControlSpec, Experiment, Profile, Variables};
+
+const KEY: &str = "control.free_time";
+
+/// Both keys.
+pub(super) fn free_time(
+    experiment: &Experiment,
+    control: &ControlSpec,
+    variables: &Variables,
+) -> Checked {
+    end_state(control, variables)?;
+    let Some(name) = &control.free_time else { return Ok(()) };
+    let found = || format!("{name:?}");
+    let Some(place) = control.stretch(variables) else {
+        let known = variables.input_names();
+        let nearest = nearest(name, &known);
+        return Err((KEY.to_owned(), Problem::Word { found: name.clone(), known, nearest }));
+    };
+    if control.input_low.get(place).is_some_and(|low| *low <= 0.0) {
+        let key = format!("control.input_low[{place}]");
+        let expected = format!("a positive number: {name} is a factor on lengths of stages");
+        return value(&key, control.input_low[place], &expected);
+    }
+    if control.n2 < 2 || control.nu < 2 {
+        let found = format!("{name:?} with n2 = {}, nu = {}", control.n2, control.nu);
+        return value(KEY, found, "no such key, or n2 and nu of 2 or more");
+    }
+    let other_model = control.models.iter().find(|kind| kind.integrator().is_none());
+    if let Some(kind) = other_model {
+        let expected = format!("no such key with the model {:?}: integrators only", kind.name());
+        return value(KEY, found(), &expected);
+    }
+    if experiment.plant.equations().is_none() {
+        return value(KEY, found(), "no such key with a plant whose equations are not known");
+    }
+    let cost = control.cost.iter().flat_map(|cost| [&cost.stage, &cost.terminal]).flatten();
+    let with_time = cost.into_iter().any(|text| names(text).any(|name| name == "t"));
+    for (other, is_there) in [
+        ("`t` in [control.cost]", with_time),
+        ("more than one of control.references", control.references.len() > 1),
+        ("control.bound_schedule", !control.bound_schedule.is_empty()),
+        ("control.parameter_preview", control.parameter_preview),
+        ("control.scenarios", control.scenarios.is_some()),
+        ("weights_profile = \"cumulative\"", control.weights_profile == Profile::Cumulative),
+        ("control.input_differences", !control.input_differences.is_empty()),
+        (
+            "disturbance = \"input\"",
+            control
+                .estimator
+                .as_ref()
+                .is_some_and(|of| matches!(of.disturbance, DisturbanceSpec::Input)),
+        ),
+    ] {
+        if is_there {
+            return value(KEY, found(), &format!("no such key with {other}"));
+        }
+    }
+    Ok(())
+}
+
+fn end_state(control: &ControlSpec, variables: &Variables) -> Checked {
+    let known = variables.state_names();
+    for (name, &number) in &control.end_state {
+        let key = format!("control.end_state.{name}");
+        let Some(place) = known.iter().position(|state| state == name) else {
+            let (found, nearest) = (name.clone(), nearest(name, &known));
+            return Err((key, Problem::Word { found, known, nearest }));
+        };
+        if !number.is_finite() {
+            return Err((key, Problem::NotFinite(number)));
+        }
+        let bound = |side: &Option<Vec<f64>>, none: f64| {
+            side.as_ref().and_then(|side| side.get(place).copied()).unwrap_or(none)
+        };
+        let low = bound(&control.state_low, f64::NEG_INFINITY);
+        let high = bound(&control.state_high, f64::INFINITY);
+        if !(low..=high).contains(&number) {
+            return value(&key, number, &format!("from {low} to {high}, the bounds of {name}"));
+        }
+    }
+    if !control.end_state.is_empty() && !control.bound_schedule.is_empty() {
+        let expected = "no such table with control.bound_schedule";
+        return value("control.end_state", "a table", expected);
+    }
+    Ok(())
+}
+
+/// The names in an expression.
+fn names(text: &str) -> impl Iterator<Item = &str> {
+    text.split(|c: char| !(c.is_alphanumeric() || c == '_')).filter(|name| !name.is_empty())
+}

@@ -1,0 +1,67 @@
+//! Steady-state targets against the steady states of the Van der Pol oscillator, x = (a, 0), u = a.
+
+use pinc_estimate::{Augmentation, Compensated, Disturbance, Measured, SteadyTarget};
+use pinc_mpc::{Bounds, NmpcProblem, SqpStatus, Tracked, Weights};
+use pinc_ode::Rk4;
+use pinc_plants::VanDerPol;
+
+/// The target of a problem that tracks the first state, the input and `more`, with an input of 1 at
+/// most.
+fn target(more: &[Tracked]) -> SteadyTarget {
+    let load = Augmentation {
+        disturbance: Disturbance::Input,
+        ..Augmentation::measured(Measured::states([0]))
+    };
+    let model = Box::new(Rk4::new(VanDerPol::default(), 0.5, 4));
+    let model = Compensated::new(model, load).unwrap();
+    let tracked = [&[Tracked::State(0), Tracked::Input(0)][..], more].concat();
+    let weights = Weights::uniform(vec![10.0; tracked.len()], vec![1.0]);
+    let problem = NmpcProblem {
+        tracked,
+        input_bounds: Bounds::new(vec![-1.0], vec![1.0]),
+        parameters: vec![0.0],
+        ..model.problem(5, weights)
+    };
+    SteadyTarget::new(&problem, Box::new(model), &[0.0, 0.0], &[0.0]).unwrap()
+}
+
+/// The row that takes the place of `row` with an input disturbance d.
+#[track_caller]
+fn held(target: &mut SteadyTarget, d: f64, row: &[f64]) -> Vec<f64> {
+    let mut reference = [row, row].concat();
+    target.aim(&[d], &mut reference);
+    assert_eq!(target.status(), Some(SqpStatus::Converged));
+    let (first, second) = reference.split_at(row.len());
+    assert_eq!(first, second);
+    first.to_vec()
+}
+
+#[track_caller]
+fn assert_near(found: &[f64], expected: &[f64]) {
+    let near = |(a, b): (&f64, &f64)| (a - b).abs() < 1e-5;
+    assert!(found.iter().zip(expected).all(near), "{found:?} {expected:?}");
+}
+
+/// a = u + d, whatever the input's own reference.
+#[test]
+fn an_input_that_is_wanted_otherwise_gives_way() {
+    let mut target = target(&[]);
+    assert_near(&held(&mut target, 0.0, &[0.5, 0.0]), &[0.5, 0.5]);
+    assert_near(&held(&mut target, 0.2, &[0.5, 0.0]), &[0.5, 0.3]);
+    assert_near(&held(&mut target, -0.4, &[0.5, 3.0]), &[0.5, 0.9]);
+    assert_eq!(target.last()[0], [0.5, 3.0]);
+}
+
+#[test]
+fn what_is_beyond_the_bounds_is_held_as_near_as_it_can_be() {
+    let mut target = target(&[]);
+    assert_near(&held(&mut target, -0.25, &[2.0, 0.0]), &[0.75, 1.0]);
+    assert_near(&held(&mut target, 0.25, &[2.0, 0.0]), &[1.25, 1.0]);
+}
+
+/// The second state is 0 at rest: a reference of 0.6 is missed by all of it.
+#[test]
+fn more_quantities_than_inputs_are_held_by_their_weights() {
+    let mut target = target(&[Tracked::State(1)]);
+    assert_near(&held(&mut target, 0.1, &[0.5, 0.0, 0.6]), &[0.5, 0.4, 0.0]);
+}

@@ -1,0 +1,78 @@
+//! Plans with whole inputs, against the best of all of them.
+
+use pinc_integer::BranchAndBound;
+use pinc_mpc::{Bounds, Nmpc, NmpcProblem, SqpStatus, Weights};
+use pinc_ode::{Model, Rk4};
+use pinc_plants::VanDerPol;
+
+const STAGES: usize = 6;
+
+fn model() -> Rk4<VanDerPol> {
+    Rk4::new(VanDerPol::default(), 0.5, 4)
+}
+
+/// The cost of inputs from the state `x`: squared states by 10, squared changes of the input by 0.5.
+fn cost(mut x: [f64; 2], inputs: &[f64]) -> f64 {
+    let (mut model, mut before, mut sum) = (model(), 0.0, 0.0);
+    for u in inputs {
+        let mut next = [0.0; 2];
+        model.step(&x, &[*u], &[], &mut next);
+        sum += 10.0 * (next[0].powi(2) + next[1].powi(2)) + 0.5 * (u - before).powi(2);
+        (x, before) = (next, *u);
+    }
+    sum
+}
+
+/// The least cost of all inputs of -1, 0 and 1.
+fn least(x: [f64; 2]) -> f64 {
+    let all = (0..3_u32.pow(u32::try_from(STAGES).unwrap())).map(|number| {
+        let digit = |place: u32| f64::from(number / 3_u32.pow(place) % 3) - 1.0;
+        let inputs: Vec<f64> = (0..u32::try_from(STAGES).unwrap()).map(digit).collect();
+        cost(x, &inputs)
+    });
+    all.fold(f64::INFINITY, f64::min)
+}
+
+fn controller(programs: usize) -> Nmpc {
+    let problem = NmpcProblem {
+        input_bounds: Bounds::new(vec![-1.0], vec![1.0]),
+        ..NmpcProblem::new(model().dims(), STAGES, Weights::uniform(vec![10.0; 2], vec![0.5]))
+    };
+    let search = BranchAndBound::new(&problem, &[0], programs, &[0.5; STAGES]);
+    Nmpc::builder(problem).model(Box::new(model())).search(Box::new(search)).build().unwrap()
+}
+
+#[test]
+fn the_plan_costs_no_more_than_any_other() {
+    let mut nmpc = controller(5000);
+    for x in [[0.5, 0.0], [-0.3, 0.6], [0.9, -0.4], [0.1, 0.2], [-0.8, -0.7]] {
+        nmpc.reset();
+        let step = nmpc.step(&x, &[0.0; 2 * STAGES]).unwrap();
+        assert_eq!(step.status, SqpStatus::Converged);
+        let found = step.cost;
+        let inputs = nmpc.plan().inputs();
+        assert!(inputs.iter().all(|u| u.fract() == 0.0), "{inputs:?}");
+        assert!((found - cost(x, inputs)).abs() < 1e-6 * found, "{found} {}", cost(x, inputs));
+        assert!(found < least(x) * (1.0 + 1e-6), "{x:?}: {found} {}", least(x));
+    }
+}
+
+/// Bounds are as they were after a search, and inputs whole in every step of a loop.
+#[test]
+fn a_search_that_is_cut_short_is_rounded_and_leaves_nothing_behind() {
+    let (mut nmpc, mut x) = (controller(1), [0.9, -0.4]);
+    let mut rounded = 0;
+    for _ in 0..10 {
+        let step = nmpc.step(&x, &[0.0; 2 * STAGES]).unwrap();
+        assert!(step.u[0].fract() == 0.0 && step.followed, "{step:?}");
+        rounded += usize::from(step.status == SqpStatus::Rounded);
+        let (u, mut next) = (step.u[0], [0.0; 2]);
+        model().step(&x, &[u], &[], &mut next);
+        x = next;
+    }
+    assert!(rounded > 0);
+    let mut once = controller(1);
+    let first = once.step(&[0.9, -0.4], &[0.0; 2 * STAGES]).unwrap().u[0];
+    once.reset();
+    assert_eq!(once.step(&[0.9, -0.4], &[0.0; 2 * STAGES]).unwrap().u[0], first);
+}

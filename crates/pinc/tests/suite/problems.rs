@@ -1,0 +1,158 @@
+//! Control problems with a free end time, whole inputs and steady-state targets, against answers
+//! that are known otherwise.
+
+use crate::common::{outcome, pinc, repository};
+use pinc_config::{Experiment, Plants};
+use pinc_mpc::SqpStatus;
+use pinc_runs::{Follow, LiveController};
+use serde_json::Value;
+
+fn load(config: &str, sets: &[&str]) -> Result<Experiment, String> {
+    let sets: Vec<_> = sets.iter().map(|set| (*set).to_owned()).collect();
+    let loaded = Experiment::load(&repository(config), &sets, &Plants::built_in());
+    loaded.map_err(|error| error.to_string())
+}
+
+/// The status, cost and inputs of the first plan.
+#[track_caller]
+fn first_plan(config: &str, sets: &[&str]) -> (SqpStatus, f64, Vec<f64>) {
+    let experiment = load(config, sets).unwrap_or_else(|error| panic!("{error}"));
+    let mut controller = LiveController::new(&experiment, None, None, "the test").unwrap();
+    let x = controller.spec().initial_state.clone();
+    let step = controller.step(&x, Follow::Config, None).unwrap();
+    let (status, cost) = (step.status, step.cost.expect("a config with a cost"));
+    (status, cost, controller.nmpc().plan().inputs().to_vec())
+}
+
+const MINIMUM_TIME: &str = "configs/gallery/minimum-time.toml";
+const FISHING: &str = "configs/gallery/fishing.toml";
+const TARGETS: &str = "configs/estimation/targets.toml";
+
+/// From rest to rest over d with |a| <= A takes 2 sqrt(d/A): here 2 s, then sqrt(8) s.
+#[test]
+fn the_shortest_time_of_a_double_integrator_is_bang_bang() {
+    let without = "control.r=[0.0, 0.0]";
+    let (status, cost, inputs) = first_plan(MINIMUM_TIME, &[without]);
+    assert_eq!(status, SqpStatus::Converged);
+    assert!((cost - 2.0).abs() < 1e-6, "{cost}");
+    for (j, u) in inputs.chunks_exact(2).enumerate() {
+        let expected = if j < 5 { 1.0 } else { -1.0 };
+        assert!((u[0] - expected).abs() < 1e-4 && (u[1] - 1.0).abs() < 1e-6, "{j}: {u:?}");
+    }
+    // With a first stage that fits, ten equal stages again.
+    let step = 0.2 * 2.0_f64.sqrt();
+    let sets = [
+        without,
+        "control.end_state={ position = 2.0, speed = 0.0 }",
+        &format!("control.step_s={step:?}"),
+        &format!("control.duration_s={:?}", 10.0 * step),
+    ];
+    let (_, cost, _) = first_plan(MINIMUM_TIME, &sets);
+    assert!((cost - 8.0_f64.sqrt()).abs() < 1e-6, "{cost}");
+}
+
+/// 1.344657 is IPOPT's relaxed optimum on this grid (`benches/peers/casadi_cost.py`), 1.34408 the one
+/// in continuous time; 1.349985 is the cost of its sum-up rounding, summed by NumPy.
+#[test]
+fn fishing_costs_what_is_known() {
+    let (status, relaxed, _) = first_plan(FISHING, &["control.integer=[]"]);
+    assert_eq!(status, SqpStatus::Converged);
+    assert!((relaxed - 1.344_657_259).abs() < 1e-6, "{relaxed}");
+    let (status, rounded, inputs) = first_plan(FISHING, &[]);
+    assert_eq!(status, SqpStatus::Rounded);
+    assert!((rounded - 1.349_985_316).abs() < 1e-6, "{rounded}");
+    assert!(inputs.iter().all(|u| *u == 0.0 || *u == 1.0), "{inputs:?}");
+}
+
+/// Of all 4096 plans of twelve stages, summed by NumPy, this one costs least; sum-up rounding costs
+/// 3.01 there.
+#[test]
+fn branch_and_bound_finds_the_best_of_all_switches() {
+    let coarse = [
+        "control.step_s=1.0",
+        "control.rk4_substeps=8",
+        "control.n2=12",
+        "control.nu=12",
+        "control.integer_programs=1000",
+    ];
+    let (status, cost, inputs) = first_plan(FISHING, &coarse);
+    assert_eq!(status, SqpStatus::Converged);
+    assert!((cost - 1.676_752_504).abs() < 1e-6, "{cost}");
+    let best = [0.0, 0.0, 1.0, 1.0, 1.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0];
+    assert_eq!(inputs, best);
+    // Too few programs are said.
+    let few = [&coarse[..4], &["control.integer_programs=1"]].concat();
+    assert_eq!(first_plan(FISHING, &few).0, SqpStatus::Rounded);
+}
+
+/// Rates and costs per hour over hours are those per second over seconds.
+#[test]
+fn a_cost_is_integrated_in_the_equations_unit_of_time() {
+    let hours = [
+        "control.integer=[]",
+        "plant.expression.time_unit=\"h\"",
+        "control.step_s=720.0",
+        "control.duration_s=43200.0",
+    ];
+    let (_, hourly, inputs) = first_plan(FISHING, &hours);
+    let (_, cost, expected) = first_plan(FISHING, &["control.integer=[]"]);
+    assert!((hourly - cost).abs() < 1e-9, "{hourly} {cost}");
+    for (found, expected) in inputs.iter().zip(&expected) {
+        assert!((found - expected).abs() < 1e-5, "{found} {expected}");
+    }
+}
+
+/// How far the levels are from their references at the end, and the nearest values that can be held.
+fn at_the_end(sets: &[&str]) -> ([f64; 2], Value) {
+    let dir = tempfile::tempdir().unwrap();
+    let mut command = pinc(&["control"]);
+    command.arg(repository(TARGETS)).arg("--out").arg(dir.path().join("run"));
+    sets.iter().for_each(|set| _ = command.args(["--set", set]));
+    let done = outcome(&mut command);
+    assert_eq!(done.code, Some(0), "{done:?}");
+    let metrics = std::fs::read_to_string(dir.path().join("run/metrics.json")).unwrap();
+    let metrics: Value = serde_json::from_str(&metrics).unwrap();
+    let run = &metrics["control"][0];
+    let offset = |name: &str| run["offset"][name][0].as_f64().unwrap().abs();
+    (["h1", "h2"].map(offset), run["estimator"]["nearest_held"].clone())
+}
+
+#[test]
+fn a_target_leaves_no_offset_whatever_the_weights_of_the_inputs() {
+    let ([h1, h2], nearest) = at_the_end(&[]);
+    assert!(h1 < 1e-3 && h2 < 1e-3, "{h1} {h2}");
+    assert!(nearest["u1"].is_number() && nearest["h1"].is_null(), "{nearest}");
+    let ([h1, h2], _) = at_the_end(&["control.target=false"]);
+    assert!(h1.max(h2) > 0.1, "{h1} {h2}");
+    // Level 1 of 12.4 cm needs more than 2.9 V of a pump.
+    let (_, nearest) = at_the_end(&["control.input_high=[2.5, 2.5]"]);
+    assert!(nearest["h1"].as_f64().is_some_and(|h1| h1 < 12.0), "{nearest}");
+}
+
+#[test]
+fn what_does_not_go_together_is_named() {
+    for (config, sets, expected) in [
+        (MINIMUM_TIME, &["control.free_time=\"strech\""][..], "`control.free_time`"),
+        (MINIMUM_TIME, &["control.input_low={ acceleration = -1.0, stretch = 0.0 }"], "a factor"),
+        (MINIMUM_TIME, &["control.cost.stage=\"1 + t\""], "`t` in [control.cost]"),
+        (MINIMUM_TIME, &["control.end_state={ place = 1.0 }"], "`control.end_state.place`"),
+        (MINIMUM_TIME, &["control.state_high={ position = 0.5 }"], "`control.end_state.position`"),
+        (FISHING, &["control.integer=[\"fish\"]"], "`control.integer[0]`"),
+        (FISHING, &["control.input_high=[0.5]"], "a whole number"),
+        (FISHING, &["control.sqp.real_time=true"], "`control.sqp.real_time`"),
+        (FISHING, &["control.target=true"], "control.estimator"),
+    ] {
+        let error = load(config, sets).unwrap_err();
+        assert!(error.contains(expected), "{sets:?}: {error}");
+    }
+    for (config, key) in [
+        (MINIMUM_TIME, "control.free_time"),
+        (FISHING, "control.integer"),
+        (TARGETS, "control.target"),
+    ] {
+        let dir = tempfile::tempdir().unwrap();
+        let mut command = pinc(&["export", "--to", "c", "--only", "rk4"]);
+        command.arg(repository(config)).arg("--out").arg(dir.path().join("c"));
+        outcome(&mut command).assert_refused(&[key]);
+    }
+}
