@@ -123,7 +123,19 @@ const CRATES: [(&str, &[&str]); 24] = [
 /// None depends on it.
 const BINDINGS: (&str, &[&str]) = (
     "pinc-py",
-    &["pinc-batch", "pinc-config", "pinc-mpc", "pinc-net", "pinc-ode", "pinc-record", "pinc-runs"],
+    &[
+        "pinc-batch",
+        "pinc-bench",
+        "pinc-config",
+        "pinc-estimate",
+        "pinc-export",
+        "pinc-mpc",
+        "pinc-net",
+        "pinc-ode",
+        "pinc-qp",
+        "pinc-record",
+        "pinc-runs",
+    ],
 );
 
 /// The program's crates, the only ones that print, read clocks and look at their surroundings.
