@@ -222,7 +222,8 @@ class Slave:
     def __init__(self, path):
         self.directory = fmpy.extract(str(path))
         description = fmpy.read_model_description(str(path))
-        self.vr = {v.name: v.valueReference for v in description.modelVariables}
+        self.variables = description.modelVariables
+        self.vr = {v.name: v.valueReference for v in self.variables}
         self.is_two = description.fmiVersion == "2.0"
         self.fmu = (FMU2Slave if self.is_two else FMU3Slave)(
             guid=description.guid,
@@ -238,23 +239,36 @@ class Slave:
         self.fmu.enterInitializationMode()
         self.fmu.exitInitializationMode()
 
-    def elements(self, name, count):
-        """The value references of an array's elements in FMI 2.0."""
-        return [self.vr[f"{name}[{i + 1}]"] for i in range(count)]
+    def references(self, what):
+        """The value references of what a plant or a controller has: `x`, `u`, `reference`, `y`,
+        `x_start` or `x_estimate`, in order."""
+        is_controller = "status" in self.vr
+        causality, ending = {
+            "x": ("input" if is_controller else "output", ""),
+            "y": ("input", ""),
+            "u": ("output" if is_controller else "input", ""),
+            "reference": ("input", "_ref"),
+            "x_start": ("parameter", "_start"),
+            "x_estimate": ("output", "_estimate"),
+        }[what]
+        endings = ("_ref", "_start", "_estimate")
+
+        def is_it(variable):
+            own = next((end for end in endings if variable.name.endswith(end)), "")
+            return variable.type in ("Real", "Float64") and variable.causality == causality and own == ending
+
+        return [variable.valueReference for variable in self.variables if is_it(variable)]
 
     def set(self, name, values):
-        if self.is_two:
-            self.fmu.setReal(self.elements(name, len(values)), list(values))
-        else:
-            self.fmu.setFloat64([self.vr[name]], list(values))
+        set = self.fmu.setReal if self.is_two else self.fmu.setFloat64
+        set(self.references(name), list(values))
 
     def get(self, name, count):
-        if self.is_two:
-            return self.fmu.getReal(self.elements(name, count))
-        return self.fmu.getFloat64([self.vr[name]], nValues=count)
+        get = self.fmu.getReal if self.is_two else self.fmu.getFloat64
+        return get(self.references(name)[:count])
 
     def status(self):
-        get = self.fmu.getInteger if self.is_two else self.fmu.getInt32
+        get = self.fmu.getInteger if self.is_two else self.fmu.getInt64
         return get([self.vr["status"]])[0]
 
     def close(self):
@@ -303,7 +317,7 @@ def check_fmu(model):
         slave.close()
         what = "FMU of the net, rebuilt" if rebuilt else "FMU of the net"
         report(f"{what}, a free run", np.abs(np.array(found) - expected).max(), 1e-12)
-    start = {"x_start[1]": 0.8, "x_start[2]": -0.3, "u[1]": 0.25}
+    start = {"x1_start": 0.8, "x2_start": -0.3, "u": 0.25}
     result = fmpy.simulate_fmu(
         str(path), stop_time=2.0, step_size=0.125, output_interval=0.125, start_values=start
     )
@@ -313,7 +327,7 @@ def check_fmu(model):
             file.write(f"a,{0.125 * i!r},0.25," + ("0.8,-0.3\n" if i == 0 else ",\n"))
     pinc("predict", "--model", model, "--inputs", given, "--output", WORK / "run-out.csv")
     expected = numbers(read(WORK / "run-out.csv"), "x1", "x2")
-    found = np.array([result["x[1]"], result["x[2]"]]).T
+    found = np.array([result["x1"], result["x2"]]).T
     report("FMPy simulates the net", np.abs(found - expected).max(), 1e-12)
 
 
@@ -329,9 +343,7 @@ def check_fmi3(model):
     results = []
     for path in (WORK / "fmu" / "osc.fmu", out / "osc.fmu"):
         result = fmpy.simulate_fmu(str(path), stop_time=3.0, step_size=0.125, output_interval=0.125)
-        names = result.dtype.names
-        columns = [result["x[1]"], result["x[2]"]] if "x[1]" in names else list(result["x"].T)
-        results.append(np.array(columns))
+        results.append(np.array([result["x1"], result["x2"]]))
     report("FMU of FMI 3.0 against that of 2.0", np.abs(results[0] - results[1]).max(), 1e-15)
 
 

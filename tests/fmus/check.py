@@ -84,10 +84,7 @@ states = ["x1", "x2"]
 inputs = ["u"]
 """
 REFERENCE = 'variables = { x1 = "x0", x2 = "x1", u = "mu" }\n'
-OWN = (
-    'variables = { x1 = "x[1]", x2 = "x[2]", u = "u[1]" }\n'
-    'start_variables = { x1 = "x_start[1]", x2 = "x_start[2]" }\n'
-)
+OWN = 'start_variables = { x1 = "x1_start", x2 = "x2_start" }\n'
 
 
 def call(*arguments):

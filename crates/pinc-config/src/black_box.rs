@@ -48,7 +48,7 @@ pub struct ProcessSpec {
 /// file = "oscillator.fmu"
 /// states = ["x1", "x2"]
 /// inputs = ["u"]
-/// variables = { x1 = "x[1]", x2 = "x[2]", u = "u[1]" }
+/// start_variables = { x1 = "x1_start", x2 = "x2_start" }
 /// ```
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]

@@ -44,6 +44,15 @@ pub enum ExportError {
         "the net takes the parameters {0} as inputs; export the controller of its config, which fixes them"
     )]
     Family(String),
+    /// Two variables of an FMU that would have one name.
+    #[error(
+        "an FMU has two variables named `{name}`: rename a variable of the plant; `time`, `status` \
+         and names with _start, _ref and _estimate are the FMU's own"
+    )]
+    SameName {
+        /// The name.
+        name: String,
+    },
     /// Files that do not fit into an archive.
     #[error("the files do not fit into an archive of 4 GB")]
     Archive,

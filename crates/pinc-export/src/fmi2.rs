@@ -1,7 +1,7 @@
 //! The model description of FMI 2.0.
 
 use crate::Name;
-use crate::fmu::{Description, Role, guid};
+use crate::fmu::{Description, Role, Status, guid};
 use crate::origin::{Origin, attribute};
 use crate::template::constant;
 use std::collections::BTreeSet;
@@ -19,13 +19,14 @@ impl Description<'_> {
              variableNamingConvention=\"structured\">\n  <CoSimulation modelIdentifier=\"{name}\" \
              canHandleVariableCommunicationStepSize=\"{}\"\n      canGetAndSetFMUstate=\"true\" \
              canSerializeFMUstate=\"true\">\n    <SourceFiles>\n{sources}    </SourceFiles>\n  \
-             </CoSimulation>\n{}  <DefaultExperiment startTime=\"0\" stepSize=\"{}\"/>\n  \
+             </CoSimulation>\n{}{}  <DefaultExperiment startTime=\"0\" stepSize=\"{}\"/>\n  \
              <ModelVariables>\n{}  </ModelVariables>\n{}</fmiModelDescription>\n",
             self.description(),
             guid(origin),
             attribute(&origin.version),
             self.any_step,
             self.units(),
+            self.types(),
             constant(self.step_s),
             self.model_variables(),
             self.structure(),
@@ -46,6 +47,21 @@ impl Description<'_> {
         format!("  <UnitDefinitions>\n{list}  </UnitDefinitions>\n")
     }
 
+    fn types(&self) -> String {
+        let of = |status: &Status| {
+            let (name, items) = (status.type_name(), status.items());
+            format!(
+                "    <SimpleType name=\"{name}\">\n      <Enumeration>\n{items}      \
+                 </Enumeration>\n    </SimpleType>\n"
+            )
+        };
+        let types: String = self.statuses.iter().map(of).collect();
+        match types.is_empty() {
+            true => types,
+            false => format!("  <TypeDefinitions>\n{types}  </TypeDefinitions>\n"),
+        }
+    }
+
     fn model_variables(&self) -> String {
         let mut text = String::new();
         for (i, variable) in self.variables.iter().enumerate() {
@@ -61,28 +77,23 @@ impl Description<'_> {
                     "causality=\"parameter\" variability=\"fixed\" initial=\"exact\"".to_owned()
                 }
             };
-            let unit = match &*variable.unit {
-                "" => String::new(),
-                unit => format!(" unit=\"{}\"", attribute(unit)),
-            };
-            let start = match variable.role {
-                Role::Output => String::new(),
-                _ => format!(" start=\"{}\"", constant(variable.start)),
-            };
             let _ = writeln!(
                 text,
-                "    <ScalarVariable name=\"{}\" valueReference=\"{i}\" description=\"{}\" {kind}>\n      \
-                 <Real{unit}{start}/>\n    </ScalarVariable>",
-                variable.name,
-                attribute(&variable.description),
+                "    <ScalarVariable name=\"{}\" valueReference=\"{i}\"{} {kind}>\n      \
+                 <Real{}/>\n    </ScalarVariable>",
+                attribute(&variable.name),
+                described(variable.description),
+                variable.attributes(),
             );
         }
-        for (i, (name, good)) in self.statuses.iter().enumerate() {
+        for (i, status) in self.statuses.iter().enumerate() {
             let _ = writeln!(
                 text,
-                "    <ScalarVariable name=\"{name}\" valueReference=\"{i}\" description=\"0: {good}\" \
-                 causality=\"output\" variability=\"discrete\" initial=\"calculated\">\n      \
-                 <Integer/>\n    </ScalarVariable>",
+                "    <ScalarVariable name=\"{}\" valueReference=\"{i}\" causality=\"output\" \
+                 variability=\"discrete\" initial=\"calculated\">\n      \
+                 <Enumeration declaredType=\"{}\"/>\n    </ScalarVariable>",
+                status.name,
+                status.type_name(),
             );
         }
         text
@@ -107,9 +118,11 @@ impl Description<'_> {
             outputs.iter().enumerate().map(row).collect()
         };
         let always = |_: usize| if self.feed_through { inputs.clone() } else { String::new() };
-        let first = |at: usize| match starts.get(at) {
-            Some(start) => start.to_string(),
-            None => always(at),
+        let all_starts = join(starts.clone());
+        let first = |at: usize| match (self.feed_through, starts.get(at)) {
+            (true, _) => format!("{inputs} {all_starts}"),
+            (false, Some(start)) => start.to_string(),
+            (false, None) => String::new(),
         };
         format!(
             "  <ModelStructure>\n    <Outputs>\n{}    </Outputs>\n    <InitialUnknowns>\n{}    \
@@ -117,5 +130,13 @@ impl Description<'_> {
             unknowns(&always),
             unknowns(&first),
         )
+    }
+}
+
+/// A description as an attribute, if there is one.
+pub(crate) fn described(description: &str) -> String {
+    match description {
+        "" => String::new(),
+        text => format!(" description=\"{}\"", attribute(text)),
     }
 }

@@ -1,27 +1,12 @@
-//! The model description of FMI 3.0, whose variables are arrays.
+//! The model description of FMI 3.0.
 
 use crate::Name;
-use crate::fmu::{Description, Real, Role, guid};
+use crate::fmi2::described;
+use crate::fmu::{Description, Real, Role, Status, guid};
 use crate::origin::{Origin, attribute};
-use crate::template::{Template, constant};
+use crate::template::constant;
 
 impl Description<'_> {
-    /// The arrays that the variables make, in order.
-    fn arrays(&self) -> Vec<&[Real]> {
-        self.variables.chunk_by(|a, b| a.array == b.array).collect()
-    }
-
-    /// Fills the places of the arrays in the sources.
-    pub(crate) fn set_arrays(&self, t: &mut Template) {
-        let mut begin = 0;
-        let mut places = String::new();
-        for array in self.arrays() {
-            places += &format!("    {{{begin}, {}}},\n", array.len());
-            begin += array.len();
-        }
-        t.set("ARRAYS", self.arrays().len()).set("PLACES", places);
-    }
-
     /// `buildDescription.xml`.
     pub(crate) fn build_description(&self, name: &Name) -> String {
         let files = self.sources.iter();
@@ -44,7 +29,7 @@ impl Description<'_> {
              modelName=\"{name}\"{}\n    instantiationToken=\"{}\"\n    generationTool=\"pinc {}\" \
              variableNamingConvention=\"structured\">\n  <CoSimulation modelIdentifier=\"{name}\" \
              canHandleVariableCommunicationStepSize=\"{}\"\n      canGetAndSetFMUState=\"true\" \
-             canSerializeFMUState=\"true\"/>\n{}  <DefaultExperiment startTime=\"0\" \
+             canSerializeFMUState=\"true\"/>\n{}{}  <DefaultExperiment startTime=\"0\" \
              stepSize=\"{}\"/>\n  <ModelVariables>\n    <Float64 name=\"time\" \
              valueReference=\"0\" causality=\"independent\" variability=\"continuous\"/>\n{}  \
              </ModelVariables>\n{}</fmiModelDescription>\n",
@@ -53,17 +38,29 @@ impl Description<'_> {
             attribute(&origin.version),
             self.any_step,
             self.units(),
+            self.types3(),
             constant(self.step_s),
-            self.array_variables(),
-            self.array_structure(),
+            self.variables3(),
+            self.structure3(),
         )
     }
 
-    fn array_variables(&self) -> String {
-        let variable = |(i, array): (usize, &&[Real])| {
-            let (first, count) = (&array[0], array.len());
-            let discrete = if self.feed_through { "discrete" } else { "continuous" };
-            let kind = match first.role {
+    fn types3(&self) -> String {
+        let of = |status: &Status| {
+            let (name, items) = (status.type_name(), status.items());
+            format!("    <EnumerationType name=\"{name}\">\n{items}    </EnumerationType>\n")
+        };
+        let types: String = self.statuses.iter().map(of).collect();
+        match types.is_empty() {
+            true => types,
+            false => format!("  <TypeDefinitions>\n{types}  </TypeDefinitions>\n"),
+        }
+    }
+
+    fn variables3(&self) -> String {
+        let discrete = if self.feed_through { "discrete" } else { "continuous" };
+        let variable = |(i, of): (usize, &Real)| {
+            let kind = match of.role {
                 Role::Output => {
                     format!(
                         "causality=\"output\" variability=\"{discrete}\" initial=\"calculated\""
@@ -74,55 +71,51 @@ impl Description<'_> {
                     "causality=\"parameter\" variability=\"fixed\" initial=\"exact\"".to_owned()
                 }
             };
-            let starts: Vec<_> = array.iter().map(|v| constant(v.start)).collect();
-            let start = match first.role {
-                Role::Output => String::new(),
-                _ => format!(" start=\"{}\"", starts.join(" ")),
-            };
-            let names: Vec<_> = array.iter().map(|v| attribute(&v.description)).collect();
-            // An array has one unit.
-            let same = array.iter().all(|v| v.unit == first.unit) && !first.unit.is_empty();
-            let unit =
-                if same { format!(" unit=\"{}\"", attribute(&first.unit)) } else { String::new() };
             format!(
-                "    <Float64 name=\"{}\" valueReference=\"{}\" description=\"{}\"\n        \
-                 {kind}{start}{unit}>\n      <Dimension start=\"{count}\"/>\n    </Float64>\n",
-                first.array,
+                "    <Float64 name=\"{}\" valueReference=\"{}\"{} {kind}{}/>\n",
+                attribute(&of.name),
                 i + 1,
-                names.join(", "),
+                described(of.description),
+                of.attributes(),
             )
         };
-        let arrays = self.arrays();
-        let mut text: String = arrays.iter().enumerate().map(variable).collect();
-        for (i, (name, good)) in self.statuses.iter().enumerate() {
+        let mut text: String = self.variables.iter().enumerate().map(variable).collect();
+        for (i, status) in self.statuses.iter().enumerate() {
             text += &format!(
-                "    <Int32 name=\"{name}\" valueReference=\"{}\" description=\"0: {good}\" \
+                "    <Enumeration name=\"{}\" valueReference=\"{}\" declaredType=\"{}\" \
                  causality=\"output\" variability=\"discrete\" initial=\"calculated\"/>\n",
-                arrays.len() + 1 + i,
+                status.name,
+                self.variables.len() + 1 + i,
+                status.type_name(),
             );
         }
         text
     }
 
-    fn array_structure(&self) -> String {
-        let arrays = self.arrays();
+    fn structure3(&self) -> String {
         let of = |role: Role| {
-            let places = arrays.iter().enumerate().filter(move |(_, a)| a[0].role == role);
+            let places = self.variables.iter().enumerate().filter(move |(_, v)| v.role == role);
             places.map(|(i, _)| (i + 1).to_string()).collect::<Vec<_>>()
         };
         let mut outputs = of(Role::Output);
-        outputs.extend((0..self.statuses.len()).map(|i| (arrays.len() + 1 + i).to_string()));
+        let statuses = 0..self.statuses.len();
+        outputs.extend(statuses.map(|i| (self.variables.len() + 1 + i).to_string()));
+        let starts = of(Role::Start);
         let always = if self.feed_through { of(Role::Input).join(" ") } else { String::new() };
-        let first = if self.feed_through { always.clone() } else { of(Role::Start).join(" ") };
-        let list = |tag: &str, on: &str| -> String {
-            let row = |vr: &String| {
+        let first = |at: usize| match self.feed_through {
+            true => format!("{always} {}", starts.join(" ")),
+            false => starts[at].clone(),
+        };
+        let list = |tag: &str, on: &dyn Fn(usize) -> String| -> String {
+            let row = |(at, vr): (usize, &String)| {
+                let on = on(at);
                 format!("    <{tag} valueReference=\"{vr}\" dependencies=\"{on}\"/>\n")
             };
-            outputs.iter().map(row).collect()
+            outputs.iter().enumerate().map(row).collect()
         };
         format!(
             "  <ModelStructure>\n{}{}  </ModelStructure>\n",
-            list("Output", &always),
+            list("Output", &|_| always.clone()),
             list("InitialUnknown", &first),
         )
     }

@@ -8,14 +8,15 @@ use crate::origin::{Origin, attribute};
 use crate::runge_kutta_c::{RungeKuttaModel, runge_kutta_core};
 use crate::template::{Template, constant};
 use crate::{ExportError, GeneratedFile, Name};
+use pinc_mpc::Bounds;
 use pinc_net::PincNet;
 use pinc_ode::Variable;
 
 /// Substeps per T of a plant that is to be accurate.
 const FINE: f64 = 100.0;
 
-/// A net as the content of an FMU: model description and sources. It is a plant: its inputs are
-/// `u[i]`, its outputs the states `x[i]`, and its parameters the initial states `x_start[i]`.
+/// A net as the content of an FMU: model description and sources. It is a plant: inputs and outputs
+/// are the net's inputs and states by their names, and parameters `<state>_start` the initial states.
 ///
 /// Communication steps may be of any length, and the net is chained every T as in a free run, with
 /// a new chain where an input changes within a step; a net that knows t = T only takes whole steps.
@@ -35,9 +36,15 @@ pub fn net_to_fmu(
     let (states, inputs) = (&origin.states, &origin.inputs);
     let (x, u) = middle.split_at(states.len());
     let mut variables = Vec::new();
-    variables.extend(list(states, "x", Role::Output, x));
-    variables.extend(list(inputs, "u", Role::Input, u));
-    variables.extend(list(states, "x_start", Role::Start, x));
+    let box_of = |names: std::ops::Range<usize>| {
+        let ends = net.domain().ends().skip(names.start).take(names.len());
+        let (low, high) = ends.unzip();
+        Bounds::new(low, high)
+    };
+    let (of_x, of_u) = (box_of(0..states.len()), box_of(states.len()..states.len() + inputs.len()));
+    variables.extend(sized(list(states, "", Role::Output, x), &of_x));
+    variables.extend(bounded(list(inputs, "", Role::Input, u), &of_u));
+    variables.extend(sized(list(states, "_start", Role::Start, x), &of_x));
     let mut t = places(net, Open::default(), name, origin)?;
     let between = match has_time(net) {
         true => "        pinc_net_at(PINC_N(end - begin), s->state, s->input, next);\n",
@@ -46,24 +53,26 @@ pub fn net_to_fmu(
     t.set("HEADER", "net").set("FIRST_SET", states.len());
     t.set("FIELDS", include_str!("../templates/fmu_net_fields.c"));
     t.set("BETWEEN", between);
+    t.set("REFUSAL", format!("a step takes whole multiples of {} s", net.sample_time_s()));
     t.set("MODEL_CODE", include_str!("../templates/fmu_net.c"));
     let description = Description {
         variables: &variables,
         step_s: net.sample_time_s(),
         any_step: has_time(net),
         feed_through: false,
-        statuses: &[],
+        statuses: Vec::new(),
         note: origin.proven.clone(),
         sources: vec![format!("{}_net.c", name.as_str())],
         version,
     };
-    Ok(description.files(t, net_core((net, false), Open::default(), name, origin)?, name, origin))
+    description.files(t, net_core((net, false), Open::default(), name, origin)?, name, origin)
 }
 
-/// A controller as the content of an FMU: its inputs are the measured states `x[i]` and the
-/// references `reference[i]`, held over the horizon; its outputs the inputs `u[i]` of the plant and
-/// the `status`. With an estimator its inputs are what is measured, `y[i]`, in place of the states,
-/// and the estimated states are outputs, `x_estimate[i]`, with the `estimator_status`.
+/// A controller as the content of an FMU: its inputs are the measured states by their names and the
+/// references `<controlled>_ref`, held over the horizon; its outputs the inputs of the plant and the
+/// `status`; parameters `<input>_start` are the inputs before the first sample. With an estimator its
+/// inputs are what is measured, in place of the states, and the estimated states are outputs,
+/// `<state>_estimate`, with the `estimator_status`.
 ///
 /// It is sampled every T. At a sample its outputs depend on what is set at that time, so that the
 /// input acts at once; a communication step must not go beyond the next sample.
@@ -81,22 +90,35 @@ pub fn controller_to_fmu(
     let (nx, nu) = (origin.states.len(), origin.inputs.len());
     let dims = controller.library_model()?.dims();
     let named = |places: Vec<usize>| origin.quantities(&places).cloned().collect::<Vec<_>>();
-    let mut variables = list(&origin.inputs, "u", Role::Output, &vec![0.0; nu]);
+    let problem = controller.problem;
+    let (of_x, of_u) = (&problem.state_bounds, &problem.input_bounds);
+    let mut variables = bounded(list(&origin.inputs, "", Role::Output, &vec![0.0; nu]), of_u);
     let start = controller.initial_state;
-    let (header, estimated, seen, statuses) = match controller.estimator {
+    let word = |of: &str| enumeration(&sources, name, of);
+    let mut statuses = vec![Status { name: "status", words: word("status") }];
+    let (header, estimated, seen, reset) = match controller.estimator {
         None => {
-            variables.extend(list(&origin.states, "x", Role::Input, start));
-            ("mpc", 0, nx, &STATUSES[..1])
+            variables.extend(sized(list(&origin.states, "", Role::Input, start), of_x));
+            ("mpc", 0, nx, "mpc_reset_input")
         }
         Some(estimation) => {
             let measured = named(estimation.measured(dims)?);
-            variables.extend(list(&origin.states, "x_estimate", Role::Output, start));
-            variables.extend(list(&measured, "y", Role::Input, &controller.measured_at_start()?));
-            ("feedback", nx, measured.len(), &STATUSES[..])
+            variables.extend(sized(list(&origin.states, "_estimate", Role::Output, start), of_x));
+            variables.extend(list(&measured, "", Role::Input, &controller.measured_at_start()?));
+            statuses.push(Status { name: "estimator_status", words: word("estimate_status") });
+            ("feedback", nx, measured.len(), "feedback_reset_to")
         }
     };
     let tracked = named(controller.tracked(dims)?);
-    variables.extend(list(&tracked, "reference", Role::Input, controller.reference.at(0)));
+    variables.extend(list(&tracked, "_ref", Role::Input, controller.reference.at(0)));
+    let first = controller.first_input(dims);
+    variables.extend(list(&origin.inputs, "_start", Role::Start, &first));
+    t.set("RESET", format!("pinc_{reset}")).set("FIRST_START", variables.len() - nu);
+    let sampled = format!(
+        "a step must end at the next sample at the latest, and samples are every {} s",
+        controller.sample_time_s()
+    );
+    t.set("REFUSAL", sampled);
     t.set("HEADER", header).set("FIRST_SET", nu + estimated);
     t.set("ESTIMATED", estimated).set("SEEN", seen).set("CONTROLLER", format!("pinc_{header}"));
     t.set("FIELDS", include_str!("../templates/fmu_mpc_fields.c"));
@@ -115,7 +137,7 @@ pub fn controller_to_fmu(
             .collect(),
         version,
     };
-    Ok(description.files(t, sources, name, origin))
+    description.files(t, sources, name, origin)
 }
 
 /// The notes of the controller: how its budget counts, and what is proven of its net.
@@ -150,39 +172,73 @@ pub fn plant_to_fmu(
     version: FmiVersion,
 ) -> Result<Vec<GeneratedFile>, ExportError> {
     let (states, inputs) = (&origin.states, &origin.inputs);
-    let mut variables = list(states, "x", Role::Output, initial_state);
-    variables.extend(list(inputs, "u", Role::Input, &vec![0.0; inputs.len()]));
-    variables.extend(list(states, "x_start", Role::Start, initial_state));
+    let mut variables = list(states, "", Role::Output, initial_state);
+    variables.extend(list(inputs, "", Role::Input, &vec![0.0; inputs.len()]));
+    variables.extend(list(states, "_start", Role::Start, initial_state));
     let mut t = Template::new(name);
     t.set("BANNER", origin.banner("A plant, integrated.", None));
     let method = plant.method.name();
     t.set("HEADER", method).set("RK", method).set("FIRST_SET", states.len()).set("FIELDS", "");
     t.set("FINE", constant(plant.sample_time_s / FINE));
+    t.set("REFUSAL", "the equations have no finite value there");
     t.set("MODEL_CODE", include_str!("../templates/fmu_plant.c"));
     let description = Description {
         variables: &variables,
         step_s: plant.sample_time_s,
         any_step: true,
         feed_through: false,
-        statuses: &[],
+        statuses: Vec::new(),
         note: None,
         sources: vec![format!("{}_{method}.c", name.as_str())],
         version,
     };
-    Ok(description.files(t, runge_kutta_core(plant, Open::default(), name, origin)?, name, origin))
+    description.files(t, runge_kutta_core(plant, Open::default(), name, origin)?, name, origin)
 }
 
 /// The version of the interface.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum FmiVersion {
-    /// 2.0, with a variable per number.
+    /// 2.0.
     Two,
-    /// 3.0, with arrays.
+    /// 3.0.
     Three,
 }
 
-/// The statuses of a controller and of its estimator.
-const STATUSES: [(&str, &str); 2] = [("status", "converged"), ("estimator_status", "updated")];
+/// An enumeration that says how a step ended.
+pub(crate) struct Status {
+    pub(crate) name: &'static str,
+    /// Its words with their numbers in C.
+    pub(crate) words: Vec<(String, String)>,
+}
+
+impl Status {
+    /// The name of its type, which has to be the name of nothing else.
+    pub(crate) fn type_name(&self) -> String {
+        format!("pinc.{}", self.name)
+    }
+
+    /// The items of its type.
+    pub(crate) fn items(&self) -> String {
+        let item = |(word, number): &(String, String)| {
+            format!("        <Item name=\"{word}\" value=\"{number}\"/>\n")
+        };
+        self.words.iter().map(item).collect()
+    }
+}
+
+/// The words of the type `of` in the headers among `sources`, with their numbers.
+fn enumeration(sources: &[GeneratedFile], name: &Name, of: &str) -> Vec<(String, String)> {
+    let (name, prefix) = (name.as_str(), format!("{}_", name.as_str().to_uppercase()));
+    let end = format!("}} {name}_{of};");
+    let texts = sources.iter().filter_map(|file| std::str::from_utf8(&file.bytes).ok());
+    let body = texts.filter_map(|text| text.split_once(&end)?.0.rsplit_once("typedef enum {"));
+    let value = |line: &str| {
+        let (word, number) = line.trim().strip_prefix(&prefix)?.split_once(" = ")?;
+        let word = word.to_lowercase().replace('_', "-");
+        Some((word, number.trim_end_matches(',').to_owned()))
+    };
+    body.flat_map(|(_, body)| body.lines()).filter_map(value).collect()
+}
 
 /// What a variable is for.
 #[derive(Clone, Copy, PartialEq, Eq)]
@@ -194,25 +250,74 @@ pub(crate) enum Role {
 
 /// A real variable.
 pub(crate) struct Real {
-    /// The array that it is of.
-    pub(crate) array: &'static str,
     pub(crate) name: String,
-    pub(crate) description: String,
+    pub(crate) description: &'static str,
     pub(crate) unit: String,
     pub(crate) role: Role,
     pub(crate) start: f64,
+    pub(crate) low: Option<f64>,
+    pub(crate) high: Option<f64>,
+    pub(crate) nominal: Option<f64>,
 }
 
-fn list(variables: &[Variable], array: &'static str, role: Role, starts: &[f64]) -> Vec<Real> {
-    let real = |(i, (variable, &start)): (usize, (&Variable, &f64))| Real {
-        array,
-        name: format!("{array}[{}]", i + 1),
-        description: variable.name.to_string(),
+impl Real {
+    /// Its attributes that both versions write alike.
+    pub(crate) fn attributes(&self) -> String {
+        let number = |key: &str, value: Option<f64>| {
+            value.map_or_else(String::new, |value| format!(" {key}=\"{}\"", constant(value)))
+        };
+        let unit = match &*self.unit {
+            "" => String::new(),
+            unit => format!(" unit=\"{}\"", attribute(unit)),
+        };
+        let start = (self.role != Role::Output).then_some(self.start);
+        [
+            unit,
+            number("min", self.low),
+            number("max", self.high),
+            number("nominal", self.nominal),
+            number("start", start),
+        ]
+        .concat()
+    }
+}
+
+/// Variables by their names with this ending.
+fn list(variables: &[Variable], ending: &'static str, role: Role, starts: &[f64]) -> Vec<Real> {
+    let real = |(variable, &start): (&Variable, &f64)| Real {
+        name: format!("{}{ending}", variable.name),
+        description: match ending {
+            "_start" => "value at the start",
+            "_ref" => "reference, held over the horizon",
+            "_estimate" => "estimate",
+            _ => "",
+        },
         unit: variable.unit.to_string(),
         role,
         start,
+        low: None,
+        high: None,
+        nominal: None,
     };
-    variables.iter().zip(starts).enumerate().map(real).collect()
+    variables.iter().zip(starts).map(real).collect()
+}
+
+/// The variables with the sizes that follow from bounds on both sides.
+fn sized(mut variables: Vec<Real>, bounds: &Bounds) -> Vec<Real> {
+    for (of, (low, high)) in variables.iter_mut().zip(bounds.low.iter().zip(&bounds.high)) {
+        of.nominal = Some(low.abs().max(high.abs())).filter(|size| *size > 0.0 && size.is_finite());
+    }
+    variables
+}
+
+/// The variables with their sizes and bounds.
+fn bounded(variables: Vec<Real>, bounds: &Bounds) -> Vec<Real> {
+    let mut variables = sized(variables, bounds);
+    for (of, (low, high)) in variables.iter_mut().zip(bounds.low.iter().zip(&bounds.high)) {
+        (of.low, of.high) =
+            (Some(*low).filter(|v| v.is_finite()), Some(*high).filter(|v| v.is_finite()));
+    }
+    variables
 }
 
 /// What `modelDescription.xml` is made of.
@@ -222,8 +327,8 @@ pub(crate) struct Description<'a> {
     pub(crate) any_step: bool,
     /// Whether outputs depend on inputs at the same time.
     pub(crate) feed_through: bool,
-    /// The integers that say how a step ended: their names, and what 0 means.
-    pub(crate) statuses: &'static [(&'static str, &'static str)],
+    /// How a step ended.
+    pub(crate) statuses: Vec<Status>,
     /// What the description of the model says.
     pub(crate) note: Option<String>,
     pub(crate) sources: Vec<String>,
@@ -243,7 +348,8 @@ impl Description<'_> {
         sources: Vec<GeneratedFile>,
         name: &Name,
         origin: &Origin,
-    ) -> Vec<GeneratedFile> {
+    ) -> Result<Vec<GeneratedFile>, ExportError> {
+        self.check_names()?;
         let starts: String =
             self.variables.iter().map(|v| format!("    {},\n", constant(v.start))).collect();
         t.set("GUID", guid(origin)).set("REALS", self.variables.len()).set("STARTS", starts);
@@ -258,10 +364,7 @@ impl Description<'_> {
         t.set("MODEL_PART", include_str!("../templates/fmu_model.c"));
         let slave = match self.version {
             FmiVersion::Two => include_str!("../templates/fmu2.c"),
-            FmiVersion::Three => {
-                self.set_arrays(&mut t);
-                include_str!("../templates/fmu3.c")
-            }
+            FmiVersion::Three => include_str!("../templates/fmu3.c"),
         };
         let slave = t.file("fmu.c", slave);
         self.sources.insert(0, slave.path.clone());
@@ -279,7 +382,18 @@ impl Description<'_> {
             bytes: file.bytes,
         };
         files.extend(sources.into_iter().chain([slave]).map(below));
-        files
+        Ok(files)
+    }
+
+    /// Refuses two variables of one name.
+    fn check_names(&self) -> Result<(), ExportError> {
+        let own = self.statuses.iter().map(|of| of.name).chain(["time"]);
+        let mut names: Vec<&str> = self.variables.iter().map(|v| &*v.name).chain(own).collect();
+        names.sort_unstable();
+        match names.windows(2).find(|pair| pair[0] == pair[1]) {
+            None => Ok(()),
+            Some(pair) => Err(ExportError::SameName { name: pair[0].to_owned() }),
+        }
     }
 }
 

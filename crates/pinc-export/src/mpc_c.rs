@@ -68,6 +68,7 @@ pub fn controller_to_c(
     files.push(t.file("selftest.c", selftest));
     t.set("SOURCES", sources(&files));
     files.push(t.named("CMakeLists.txt", include_str!("../templates/net_cmake.txt")));
+    files.push(t.named("Makefile", include_str!("../templates/makefile.txt")));
     set_page(&mut t, controller, origin)?;
     files.push(t.named("README.md", include_str!("../templates/mpc_readme.md")));
     Ok(files)

@@ -48,6 +48,7 @@ pub fn net_to_c(
     files.push(selftest(net, &mut t)?);
     t.set("SOURCES", sources);
     files.push(t.named("CMakeLists.txt", include_str!("../templates/net_cmake.txt")));
+    files.push(t.named("Makefile", include_str!("../templates/makefile.txt")));
     net_page(net, origin, &mut t);
     files.push(t.named("README.md", include_str!("../templates/net_readme.md")));
     Ok(files)

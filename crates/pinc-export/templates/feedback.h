@@ -50,7 +50,10 @@ typedef struct {
     int widened;
 @MEMORY@} pinc_estimator;
 
-/** A controller with its estimator: all of their memory. Set up by pinc_feedback_init. */
+/**
+ * A controller with its estimator: all of their memory. Set up by pinc_feedback_init. A copy of it is
+ * their state, as that of a pinc_mpc is the controller's.
+ */
 typedef struct {
     /** The controller, with its budget, and what its last step did. */
     pinc_mpc controller;

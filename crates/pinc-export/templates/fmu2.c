@@ -166,8 +166,16 @@ PINC_EXPORT fmi2Status PINC_FMI(fmi2GetInteger)(fmi2Component c, const fmi2Value
 PINC_EXPORT fmi2Status PINC_FMI(fmi2DoStep)(fmi2Component c, fmi2Real from, fmi2Real length,
                                             fmi2Boolean noSetFMUStatePriorToCurrentPoint)
 {
+    const fmi2CallbackFunctions *callbacks = &((pinc_instance *)c)->callbacks;
     (void)noSetFMUStatePriorToCurrentPoint;
-    return (pinc_advance(pinc_of(c), from, length) == 0) ? fmi2OK : fmi2Error;
+    if (pinc_advance(pinc_of(c), from, length) == 0) {
+        return fmi2OK;
+    }
+    if (callbacks->logger != NULL) {
+        callbacks->logger(callbacks->componentEnvironment, "@name@", fmi2Error, "error",
+                          "the step of %g s from %g s was not taken: " PINC_REFUSAL, length, from);
+    }
+    return fmi2Error;
 }
 
 PINC_EXPORT fmi2Status PINC_FMI(fmi2GetFMUstate)(fmi2Component c, fmi2FMUstate *state)

@@ -27,16 +27,18 @@ typedef enum { fmi3OK, fmi3Warning, fmi3Discard, fmi3Error, fmi3Fatal } fmi3Stat
 typedef void (*fmi3LogMessageCallback)(fmi3InstanceEnvironment, fmi3Status, fmi3String, fmi3String);
 
 @MODEL_PART@
-/* Arrays, by their value references from 1 on: where they begin, and how long they are. */
-#define PINC_ARRAYS @ARRAYS@
-static const size_t pinc_arrays[PINC_ARRAYS][2] = {
-@PLACES@};
-/* The value reference of the first status. */
-#define PINC_FIRST_STATUS (PINC_ARRAYS + 1)
+/* Value references: 0 is the time, then the real variables from 1 on, then the statuses. */
+#define PINC_FIRST_STATUS (PINC_REALS + 1)
+
+typedef struct {
+    pinc_slave slave;
+    fmi3InstanceEnvironment environment;
+    fmi3LogMessageCallback log;
+} pinc_instance;
 
 static pinc_slave *pinc_of(fmi3Instance instance)
 {
-    return (pinc_slave *)instance;
+    return &((pinc_instance *)instance)->slave;
 }
 
 #ifdef __cplusplus
@@ -57,7 +59,7 @@ PINC_EXPORT fmi3Instance PINC_FMI(fmi3InstantiateCoSimulation)(
     const fmi3ValueReference intermediate[], size_t nIntermediate,
     fmi3InstanceEnvironment environment, fmi3LogMessageCallback log, void *intermediateUpdate)
 {
-    pinc_slave *slave;
+    pinc_instance *instance;
     (void)name;
     (void)resources;
     (void)visible;
@@ -73,11 +75,13 @@ PINC_EXPORT fmi3Instance PINC_FMI(fmi3InstantiateCoSimulation)(
         }
         return NULL;
     }
-    slave = (pinc_slave *)calloc(1, sizeof(pinc_slave));
-    if (slave != NULL) {
-        pinc_set_defaults(slave);
+    instance = (pinc_instance *)calloc(1, sizeof(pinc_instance));
+    if (instance != NULL) {
+        instance->environment = environment;
+        instance->log = log;
+        pinc_set_defaults(&instance->slave);
     }
-    return slave;
+    return instance;
 }
 
 PINC_EXPORT void PINC_FMI(fmi3FreeInstance)(fmi3Instance c)
@@ -102,26 +106,15 @@ PINC_EXPORT fmi3Status PINC_FMI(fmi3GetFloat64)(fmi3Instance c, const fmi3ValueR
                                                 size_t n, fmi3Float64 values[], size_t nValues)
 {
     pinc_slave *s = pinc_of(c);
-    size_t written = 0;
     size_t i;
     for (i = 0; i < n; i++) {
-        const double *from = &s->time;
-        size_t count = 1;
-        if (vr[i] > PINC_ARRAYS) {
+        if ((vr[i] > PINC_REALS) || (i >= nValues)) {
             return fmi3Error;
         }
-        if (vr[i] > 0) {
-            if (pinc_arrays[vr[i] - 1][0] < PINC_FIRST_SET) {
-                pinc_refresh(s);
-            }
-            from = s->reals + pinc_arrays[vr[i] - 1][0];
-            count = pinc_arrays[vr[i] - 1][1];
+        if ((vr[i] > 0) && (vr[i] - 1 < PINC_FIRST_SET)) {
+            pinc_refresh(s);
         }
-        if (written + count > nValues) {
-            return fmi3Error;
-        }
-        memcpy(values + written, from, count * sizeof(double));
-        written += count;
+        values[i] = (vr[i] == 0) ? s->time : s->reals[vr[i] - 1];
     }
     return fmi3OK;
 }
@@ -131,27 +124,19 @@ PINC_EXPORT fmi3Status PINC_FMI(fmi3SetFloat64)(fmi3Instance c, const fmi3ValueR
                                                 size_t nValues)
 {
     pinc_slave *s = pinc_of(c);
-    size_t taken = 0;
     size_t i;
     for (i = 0; i < n; i++) {
-        size_t count;
-        if ((vr[i] < 1) || (vr[i] > PINC_ARRAYS) ||
-            (pinc_arrays[vr[i] - 1][0] < PINC_FIRST_SET)) {
+        if ((vr[i] < 1) || (vr[i] > PINC_REALS) || (vr[i] - 1 < PINC_FIRST_SET) || (i >= nValues)) {
             return fmi3Error;
         }
-        count = pinc_arrays[vr[i] - 1][1];
-        if (taken + count > nValues) {
-            return fmi3Error;
-        }
-        memcpy(s->reals + pinc_arrays[vr[i] - 1][0], values + taken, count * sizeof(double));
-        taken += count;
+        s->reals[vr[i] - 1] = values[i];
     }
     pinc_changed(s);
     return fmi3OK;
 }
 
-PINC_EXPORT fmi3Status PINC_FMI(fmi3GetInt32)(fmi3Instance c, const fmi3ValueReference vr[],
-                                              size_t n, fmi3Int32 values[], size_t nValues)
+PINC_EXPORT fmi3Status PINC_FMI(fmi3GetInt64)(fmi3Instance c, const fmi3ValueReference vr[],
+                                              size_t n, int64_t values[], size_t nValues)
 {
     pinc_slave *s = pinc_of(c);
     size_t i;
@@ -177,6 +162,11 @@ PINC_EXPORT fmi3Status PINC_FMI(fmi3DoStep)(fmi3Instance c, fmi3Float64 from, fm
     *terminateSimulation = false;
     *earlyReturn = false;
     if (pinc_advance(pinc_of(c), from, length) != 0) {
+        const pinc_instance *instance = (pinc_instance *)c;
+        if (instance->log != NULL) {
+            instance->log(instance->environment, fmi3Error, "error",
+                          "the step was not taken: " PINC_REFUSAL);
+        }
         return fmi3Error;
     }
     *lastTime = pinc_of(c)->time;
@@ -191,7 +181,7 @@ PINC_EXPORT fmi3Status PINC_FMI(fmi3GetFMUState)(fmi3Instance c, fmi3FMUState *s
     if (*state == NULL) {
         return fmi3Error;
     }
-    memcpy(*state, c, sizeof(pinc_slave));
+    memcpy(*state, pinc_of(c), sizeof(pinc_slave));
     return fmi3OK;
 }
 
@@ -273,14 +263,14 @@ PINC_EXPORT fmi3Instance PINC_FMI(fmi3InstantiateScheduledExecution)(
         return (n == 0) ? fmi3OK : fmi3Error;                                                      \
     }
 
-PINC_NO_SETTER(Int32, fmi3Int32)
+PINC_NO_SETTER(Int64, int64_t)
 PINC_NONE_OF(Float32, float)
 PINC_NONE_OF(Int8, int8_t)
 PINC_NONE_OF(UInt8, uint8_t)
 PINC_NONE_OF(Int16, int16_t)
 PINC_NONE_OF(UInt16, uint16_t)
 PINC_NONE_OF(UInt32, uint32_t)
-PINC_NONE_OF(Int64, int64_t)
+PINC_NONE_OF(Int32, fmi3Int32)
 PINC_NONE_OF(UInt64, uint64_t)
 PINC_NONE_OF(Boolean, fmi3Boolean)
 PINC_NONE_OF(String, fmi3String)

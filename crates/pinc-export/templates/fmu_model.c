@@ -18,6 +18,9 @@
 /* Integer variables: how the step ended, and how the correction of the estimator, if there is one. */
 #define PINC_STATUSES @STATUSES@
 
+/* What a step that cannot be taken is logged with. */
+#define PINC_REFUSAL "@REFUSAL@"
+
 static const double pinc_starts[PINC_REALS] = {
 @STARTS@};
 

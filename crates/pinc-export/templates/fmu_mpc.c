@@ -1,12 +1,25 @@
 /* Value references: inputs of the plant, estimated states if there is an estimator, then what is
-   measured, then references. */
+   measured, then references, then the inputs before the first sample. */
 #define PINC_ESTIMATED @ESTIMATED@
 #define PINC_SEEN @SEEN@
 #define PINC_FIRST_REFERENCE (PINC_FIRST_SET + PINC_SEEN)
+#define PINC_FIRST_START @FIRST_START@
 
 static void pinc_begin_run(pinc_slave *s)
 {
+    PINC_REAL u[PINC_NU];
+    int given = 0;
+    int i;
     @CONTROLLER@_init(&s->before);
+    for (i = 0; i < PINC_NU; i++) {
+        const double value = s->reals[PINC_FIRST_START + i];
+        const double own = pinc_starts[PINC_FIRST_START + i];
+        u[i] = PINC_N(value);
+        given = ((value < own) || (value > own)) ? 1 : given;
+    }
+    if (given != 0) {
+        @RESET@(&s->before, u);
+    }
     s->computed = 0;
     s->start = s->time;
     s->steps = 0.0;

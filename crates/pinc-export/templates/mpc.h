@@ -141,7 +141,10 @@ typedef struct {
    within a program, and the plan is on the way to its solution. */
 typedef enum { PINC_JUDGED = 0, PINC_STEPPED = 1, PINC_UNDERWAY = 2 } pinc_standing;
 
-/** A controller: all of its memory. Set up by pinc_mpc_init. */
+/**
+ * A controller: all of its memory. Set up by pinc_mpc_init. A copy of it is the controller's state: a
+ * program of the same build that assigns it goes on from there, without a bump.
+ */
 typedef struct {
     /**
      * How often a step may ask whether to go on, which it does before each quadratic program,

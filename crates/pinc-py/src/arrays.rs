@@ -27,6 +27,7 @@ impl Points {
     pub(crate) fn read(given: &Given<'_>, name: &str, names: &[String]) -> PyResult<Self> {
         let width = names.len();
         let rows = match *given.shape() {
+            [] if width == 1 => None,
             [found] if found == width => None,
             [rows, found] if found == width => Some(rows),
             ref found => {
@@ -65,10 +66,10 @@ pub(crate) fn values(given: &Given<'_>) -> Vec<f64> {
     }
 }
 
-/// The numbers of a vector, whose length the caller of this looks at.
+/// The numbers of a vector, whose length the caller of this looks at; a number is a vector of one.
 pub(crate) fn vector(given: &Given<'_>, name: &str) -> PyResult<Vec<f64>> {
     match *given.shape() {
-        [_] => Ok(values(given)),
+        [] | [_] => Ok(values(given)),
         ref found => {
             let found = shape(found);
             Err(input(format!("{name}: an array of shape {found} given, expected a vector")))

@@ -1,8 +1,7 @@
 //! A controller for many states at once.
 
 use crate::arrays::{Array, Given, array, values};
-use crate::config::experiment;
-use crate::controller::{GivenModel, kind};
+use crate::controller::{GivenModel, Origin, OriginParts};
 use crate::errors::{input, of_mpc, of_run};
 use crate::gradient::by_name;
 use numpy::{PyArrayDyn, PyUntypedArrayMethods};
@@ -10,7 +9,7 @@ use pinc_batch::{LoopTrace, Situations};
 use pinc_mpc::Reference;
 use pinc_runs::BatchController;
 use pyo3::prelude::*;
-use pyo3::types::PyDict;
+use pyo3::types::{PyDict, PyTuple};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
 /// The controller of a config for many states at once, on all cores.
@@ -18,6 +17,8 @@ use std::sync::{Mutex, MutexGuard, PoisonError};
 #[derive(Debug)]
 pub(crate) struct NmpcBatch {
     controller: Mutex<BatchController>,
+    origin: Origin,
+    threads: usize,
 }
 
 /// What came of many control steps.
@@ -87,6 +88,13 @@ impl Arguments {
 }
 
 impl NmpcBatch {
+    fn make(origin: Origin, threads: usize) -> PyResult<Self> {
+        let controller = origin.make(|experiment, model, only| {
+            BatchController::new(experiment, model, only, threads, "pinc.NmpcBatch")
+        })?;
+        Ok(Self { controller: Mutex::new(controller), origin, threads })
+    }
+
     fn lock(&self) -> MutexGuard<'_, BatchController> {
         self.controller.lock().unwrap_or_else(PoisonError::into_inner)
     }
@@ -139,13 +147,15 @@ impl NmpcBatch {
         overrides: Option<&Bound<'_, PyAny>>,
         threads: usize,
     ) -> PyResult<Self> {
-        let experiment = experiment(config, overrides)?;
-        let only = only.map(kind).transpose()?;
-        let controller = GivenModel::with(model.as_ref(), |model| {
-            BatchController::new(&experiment, model, only, threads, "pinc.NmpcBatch")
-        });
-        let controller = controller.map_err(|error| of_run(&error))?;
-        Ok(Self { controller: Mutex::new(controller) })
+        Self::make(Origin::of(config, overrides, model.as_ref(), only)?, threads)
+    }
+
+    fn __reduce__<'py>(
+        slf: &Bound<'py, Self>,
+    ) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
+        let (of, py) = (slf.get(), slf.py());
+        let make = py.import("pinc._native")?.getattr("restore_batch")?;
+        Ok((make, (of.origin.parts(), of.threads).into_pyobject(py)?))
     }
 
     /// Takes control steps, each afresh.
@@ -263,6 +273,12 @@ impl NmpcBatch {
     fn sample_time_s(&self) -> f64 {
         self.lock().batch().nmpc().model().sample_time_s()
     }
+}
+
+/// A batch of what another one was made from.
+#[pyfunction]
+pub(crate) fn restore_batch(origin: OriginParts, threads: usize) -> PyResult<NmpcBatch> {
+    NmpcBatch::make(Origin::from_parts(origin), threads)
 }
 
 /// How many rows of `width` numbers there are.

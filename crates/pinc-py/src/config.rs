@@ -1,9 +1,31 @@
 //! From what a caller gives for a config to an experiment.
 
-use crate::errors::of_config;
+use crate::errors::{input, of_config, of_run};
 use pinc_config::{Experiment, Plants};
+use pinc_record::read_file;
 use pyo3::prelude::*;
 use std::path::PathBuf;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+/// Whether configs may start programs.
+static PROCESSES: AtomicBool = AtomicBool::new(false);
+
+/// Lets the plant of a config be a program or an FMU from now on, which runs with your rights.
+#[pyfunction]
+pub(crate) fn allow_processes() {
+    PROCESSES.store(true, Ordering::Relaxed);
+}
+
+/// The plants that configs may name.
+pub(crate) fn plants() -> Plants {
+    match PROCESSES.load(Ordering::Relaxed) {
+        true => Plants::built_in().allowing_processes(),
+        false => Plants::built_in(),
+    }
+}
+
+/// Path, text and overrides of a config.
+pub(crate) type Parts = (String, Option<String>, Vec<String>);
 
 /// What a caller gives for a config, with some values over its own.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -25,10 +47,35 @@ impl Source {
         Ok(Self { path, text, sets })
     }
 
+    /// This one with the text of its file in it, which may be gone or another later.
+    pub(crate) fn pinned(self) -> PyResult<Self> {
+        let text = match self.text {
+            Some(text) => text,
+            None => {
+                let bytes = read_file(&self.path).map_err(|error| of_run(&error.into()))?;
+                String::from_utf8(bytes).map_err(|_| {
+                    input(format!("{}: no text, expected TOML in UTF-8", self.path.display()))
+                })?
+            }
+        };
+        Ok(Self { text: Some(text), ..self })
+    }
+
+    /// What it consists of, for a pickle.
+    pub(crate) fn parts(&self) -> Parts {
+        let path = self.path.to_string_lossy().into_owned();
+        (path, self.text.clone(), self.sets.clone())
+    }
+
+    /// That of some parts.
+    pub(crate) fn from_parts((path, text, sets): Parts) -> Self {
+        Self { path: path.into(), text, sets }
+    }
+
     /// Reads the experiment.
     pub(crate) fn experiment(&self) -> PyResult<Experiment> {
         let Self { path, text, sets } = self;
-        let plants = Plants::built_in();
+        let plants = plants();
         let experiment = match text {
             Some(text) => Experiment::parse(path, text, sets, &plants),
             None => Experiment::load(path, sets, &plants),
@@ -43,4 +90,14 @@ pub(crate) fn experiment(
     overrides: Option<&Bound<'_, PyAny>>,
 ) -> PyResult<Experiment> {
     Source::of(config, overrides)?.experiment()
+}
+
+/// The config with all values spelled out, as TOML.
+#[pyfunction]
+#[pyo3(signature = (config, overrides=None))]
+pub(crate) fn resolved(
+    config: &Bound<'_, PyAny>,
+    overrides: Option<&Bound<'_, PyAny>>,
+) -> PyResult<String> {
+    Ok(experiment(config, overrides)?.to_toml())
 }

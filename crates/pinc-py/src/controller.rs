@@ -1,15 +1,17 @@
 //! A controller, step by step.
 
 use crate::arrays::{Array, Given, array, values, vector};
-use crate::config::experiment;
+use crate::config::{Parts, Source};
 use crate::errors::{input, of_mpc, of_run};
 use crate::gradient::{PlanChange, PlanGradient, read_change};
 use crate::model::Model;
 use numpy::{PyArrayDyn, PyUntypedArrayMethods};
-use pinc_config::ModelKind;
-use pinc_runs::{Follow, LiveController, LiveState, ModelFile};
+use pinc_config::{Experiment, ModelKind};
+use pinc_estimate::EstimatorStatus;
+use pinc_mpc::{SqpStatus, Trust};
+use pinc_runs::{Follow, LiveController, LiveState, ModelFile, RunError};
 use pyo3::prelude::*;
-use pyo3::types::PyDict;
+use pyo3::types::{PyDict, PyTuple};
 use std::path::PathBuf;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
@@ -18,9 +20,61 @@ use std::sync::{Mutex, MutexGuard, PoisonError};
 #[derive(Debug)]
 pub(crate) struct Nmpc {
     controller: Mutex<LiveController>,
+    origin: Origin,
+}
+
+/// What a controller was made from, to be made again from it.
+#[derive(Debug)]
+pub(crate) struct Origin {
+    pub(crate) source: Source,
+    /// The content of the model file.
+    pub(crate) model: Option<Vec<u8>>,
+    pub(crate) only: Option<String>,
+}
+
+/// Config, model file and name of the model.
+pub(crate) type OriginParts = (Parts, Option<Vec<u8>>, Option<String>);
+
+impl Origin {
+    pub(crate) fn of(
+        config: &Bound<'_, PyAny>,
+        overrides: Option<&Bound<'_, PyAny>>,
+        model: Option<&GivenModel<'_>>,
+        only: Option<&str>,
+    ) -> PyResult<Self> {
+        let source = Source::of(config, overrides)?.pinned()?;
+        let model = model.map(GivenModel::bytes).transpose()?;
+        Ok(Self { source, model, only: only.map(str::to_owned) })
+    }
+
+    pub(crate) fn from_parts((source, model, only): OriginParts) -> Self {
+        Self { source: Source::from_parts(source), model, only }
+    }
+
+    pub(crate) fn parts(&self) -> OriginParts {
+        (self.source.parts(), self.model.clone(), self.only.clone())
+    }
+
+    /// Calls `make` with the experiment, the model file and the model's kind.
+    pub(crate) fn make<T>(
+        &self,
+        make: impl FnOnce(&Experiment, Option<ModelFile<'_>>, Option<ModelKind>) -> Result<T, RunError>,
+    ) -> PyResult<T> {
+        let experiment = self.source.experiment()?;
+        let only = self.only.as_deref().map(kind).transpose()?;
+        let model = self.model.as_deref().map(ModelFile::Content);
+        make(&experiment, model, only).map_err(|error| of_run(&error))
+    }
 }
 
 impl Nmpc {
+    fn make(origin: Origin) -> PyResult<Self> {
+        let controller = origin.make(|experiment, model, only| {
+            LiveController::new(experiment, model, only, "pinc.Nmpc")
+        })?;
+        Ok(Self { controller: Mutex::new(controller), origin })
+    }
+
     fn lock(&self) -> MutexGuard<'_, LiveController> {
         self.controller.lock().unwrap_or_else(PoisonError::into_inner)
     }
@@ -64,6 +118,71 @@ impl ControlStep {
     }
 }
 
+/// What came of a control step, before it belongs to Python.
+struct Taken {
+    vectors: [Vec<f64>; 4],
+    status: SqpStatus,
+    estimator: Option<EstimatorStatus>,
+    sqp_iterations: usize,
+    kkt: f64,
+    cost: Option<f64>,
+    curvature_dropped: bool,
+    step_us: f64,
+    trust: Trust,
+}
+
+/// What a step is given beside the measurement: reference, applied input, parameters, budget.
+type Beside<'a> = (Follow<'a>, Option<&'a [f64]>, Option<&'a [f64]>, Option<f64>);
+
+impl Taken {
+    /// Takes the step; one that is refused leaves the parameters as they were.
+    fn by(
+        controller: &mut LiveController,
+        y: &[f64],
+        (follow, u_applied, parameters, budget_us): Beside<'_>,
+    ) -> Result<Self, RunError> {
+        let before = parameters.map(|p| controller.set_measured_parameters(p)).transpose()?;
+        let budget_us = budget_us.or(controller.spec().budget_us);
+        let taken = controller.step_within(y, follow, u_applied, budget_us).map(|step| Self {
+            vectors: [step.u, step.x, step.unknowns, step.model_error].map(<[f64]>::to_vec),
+            status: step.status,
+            estimator: step.estimator,
+            sqp_iterations: step.sqp_iterations,
+            kkt: step.kkt,
+            cost: step.cost,
+            curvature_dropped: step.curvature_dropped,
+            step_us: step.step_us,
+            trust: step.trust,
+        });
+        if let (Err(_), Some(before)) = (&taken, before) {
+            controller.set_measured_parameters(&before)?;
+        }
+        taken
+    }
+
+    fn into_step(self, py: Python<'_>) -> PyResult<ControlStep> {
+        let vector = |values: Vec<f64>| -> PyResult<Py<PyArrayDyn<f64>>> {
+            let n = values.len();
+            Ok(array(py, values, None, &[n])?.unbind())
+        };
+        let [u, x, unknowns, model_error] = self.vectors;
+        Ok(ControlStep {
+            trust: (!model_error.is_empty()).then(|| self.trust.to_string()),
+            u: vector(u)?,
+            status: self.status.to_string(),
+            x: vector(x)?,
+            unknowns: vector(unknowns)?,
+            estimator: self.estimator.map(|status| status.to_string()),
+            sqp_iterations: self.sqp_iterations,
+            kkt: self.kkt,
+            cost: self.cost,
+            curvature_dropped: self.curvature_dropped,
+            step_us: self.step_us,
+            model_error: vector(model_error)?,
+        })
+    }
+}
+
 /// What is given for the model of a controller.
 #[derive(FromPyObject)]
 pub(crate) enum GivenModel<'py> {
@@ -72,15 +191,11 @@ pub(crate) enum GivenModel<'py> {
 }
 
 impl GivenModel<'_> {
-    /// Calls `make` with the model.
-    pub(crate) fn with<T>(
-        given: Option<&Self>,
-        make: impl FnOnce(Option<ModelFile<'_>>) -> T,
-    ) -> T {
-        match given {
-            None => make(None),
-            Some(Self::Path(path)) => make(Some(ModelFile::At(path))),
-            Some(Self::Model(model)) => make(Some(ModelFile::Content(&model.get().bytes()))),
+    /// The content of the model file.
+    fn bytes(&self) -> PyResult<Vec<u8>> {
+        match self {
+            Self::Path(path) => Ok(Model::load(path.clone())?.bytes()),
+            Self::Model(model) => Ok(model.get().bytes()),
         }
     }
 }
@@ -95,13 +210,15 @@ impl Nmpc {
         only: Option<&str>,
         overrides: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<Self> {
-        let experiment = experiment(config, overrides)?;
-        let only = only.map(kind).transpose()?;
-        let controller = GivenModel::with(model.as_ref(), |model| {
-            LiveController::new(&experiment, model, only, "pinc.Nmpc")
-        });
-        let controller = controller.map_err(|error| of_run(&error))?;
-        Ok(Self { controller: Mutex::new(controller) })
+        Self::make(Origin::of(config, overrides, model.as_ref(), only)?)
+    }
+
+    fn __reduce__<'py>(
+        slf: &Bound<'py, Self>,
+    ) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
+        let (of, py) = (slf.get(), slf.py());
+        let make = py.import("pinc._native")?.getattr("restore_nmpc")?;
+        Ok((make, (of.origin.parts(), of.state()).into_pyobject(py)?))
     }
 
     /// Chooses the input for a plant of which y was measured.
@@ -124,39 +241,19 @@ impl Nmpc {
             Some(Reference::Stages(rows)) => Follow::Stages(rows),
         };
         let parameters = parameters.map(|p| vector(&p, "parameters")).transpose()?;
-        let mut controller = self.lock();
-        let before = parameters.map(|p| controller.set_measured_parameters(&p)).transpose();
-        let before = before.map_err(|error| of_run(&error))?;
-        let budget_us = budget_us.or(controller.spec().budget_us);
-        let step = match controller.step_within(&y, follow, u_applied.as_deref(), budget_us) {
-            Ok(step) => step,
-            Err(error) => {
-                if let Some(before) = before {
-                    let restored = controller.set_measured_parameters(&before);
-                    restored.map_err(|error| of_run(&error))?;
-                }
-                return Err(of_run(&error));
+        let taken = py.detach(|| {
+            let mut controller = self.lock();
+            let taken = Taken::by(
+                &mut controller,
+                &y,
+                (follow, u_applied.as_deref(), parameters.as_deref(), budget_us),
+            );
+            if taken.is_ok() {
+                controller.prepare();
             }
-        };
-        let vector = |values: &[f64]| -> PyResult<Py<PyArrayDyn<f64>>> {
-            Ok(array(py, values.to_vec(), None, &[values.len()])?.unbind())
-        };
-        let done = ControlStep {
-            u: vector(step.u)?,
-            status: step.status.to_string(),
-            x: vector(step.x)?,
-            unknowns: vector(step.unknowns)?,
-            estimator: step.estimator.map(|status| status.to_string()),
-            sqp_iterations: step.sqp_iterations,
-            kkt: step.kkt,
-            cost: step.cost,
-            curvature_dropped: step.curvature_dropped,
-            step_us: step.step_us,
-            trust: (!step.model_error.is_empty()).then(|| step.trust.to_string()),
-            model_error: vector(step.model_error)?,
-        };
-        controller.prepare();
-        Ok(done)
+            taken
+        });
+        taken.map_err(|error| of_run(&error))?.into_step(py)
     }
 
     /// The gradient of a function of the last plan in all that its problem is given.
@@ -283,6 +380,14 @@ impl Nmpc {
     }
 }
 
+/// A controller of what another one was made from, in its state.
+#[pyfunction]
+pub(crate) fn restore_nmpc(origin: OriginParts, state: &str) -> PyResult<Nmpc> {
+    let nmpc = Nmpc::make(Origin::from_parts(origin))?;
+    nmpc.set_state(state)?;
+    Ok(nmpc)
+}
+
 /// A reference as it is given: for the whole horizon, or a row per step ahead.
 enum Reference {
     Held(Vec<f64>),
@@ -292,7 +397,7 @@ enum Reference {
 impl Reference {
     fn read(given: &Given<'_>) -> PyResult<Self> {
         match *given.shape() {
-            [_] => Ok(Self::Held(values(given))),
+            [] | [_] => Ok(Self::Held(values(given))),
             [rows, width] => {
                 let values = values(given);
                 let row = |k: usize| values[k * width..(k + 1) * width].to_vec();

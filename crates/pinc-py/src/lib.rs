@@ -7,28 +7,44 @@
 
 mod arrays;
 mod batch;
+mod commands;
 mod config;
 mod controller;
+mod discrete;
 mod errors;
+mod estimator;
 mod gradient;
 mod model;
-mod run;
+mod plant;
+mod qp;
 mod training;
+mod work;
 
 use pyo3::prelude::*;
 
 #[pymodule(name = "_native")]
 mod native {
     #[pymodule_export]
-    use crate::batch::{GradientBatch, LoopBatch, NmpcBatch, StepBatch};
+    use crate::batch::{GradientBatch, LoopBatch, NmpcBatch, StepBatch, restore_batch};
     #[pymodule_export]
-    use crate::controller::{ControlStep, Nmpc};
+    use crate::commands::{
+        certify_into, choose_into, control_into, estimate_into, export_controller, export_net,
+        export_plant, findings, identify_into, run_into,
+    };
+    #[pymodule_export]
+    use crate::config::{allow_processes, resolved};
+    #[pymodule_export]
+    use crate::controller::{ControlStep, Nmpc, restore_nmpc};
+    #[pymodule_export]
+    use crate::estimator::{Correction, Estimator, restore_estimator};
     #[pymodule_export]
     use crate::gradient::{PlanChange, PlanGradient};
     #[pymodule_export]
     use crate::model::Model;
     #[pymodule_export]
-    use crate::run::run_into;
+    use crate::plant::{IntegratorModel, Plant, restore_integrator, restore_plant};
+    #[pymodule_export]
+    use crate::qp::solve_dense_qp;
     #[pymodule_export]
     use crate::training::{Trained, TrainingProgress, train};
 }

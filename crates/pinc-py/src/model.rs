@@ -1,27 +1,25 @@
 //! A trained net as a model.
 
-use crate::arrays::{Array, Given, Points, array};
+use crate::arrays::{Array, Given, array};
 use crate::config::Source;
+use crate::discrete::Discrete;
 use crate::errors::{input, of_run};
 use pinc_net::{FoldedNet, PincModel, PincNet, TrainingTarget};
-use pinc_ode::{Dims, Linearization, Model as _, Stages};
 use pinc_record::{read_file, write_atomically};
 use pinc_runs::{Certificate, ErrorEstimate, RunError, certificate, certified, error_estimate};
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict, PyTuple};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
-use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::sync::{Mutex, PoisonError};
 
 /// A trained net as a model in discrete time, x[k+1] = F(x[k], u[k]), with its Jacobians.
 #[pyclass(module = "pinc", frozen)]
 #[derive(Debug)]
 pub(crate) struct Model {
     net: PincNet,
-    dims: Dims,
-    parameters: Vec<String>,
+    discrete: Discrete,
     certificate: Option<Certificate>,
-    model: Mutex<PincModel>,
     /// The estimate of the error, against the plant of the config that was given last.
     estimate: Mutex<Option<(Source, ErrorEstimate)>>,
 }
@@ -29,11 +27,11 @@ pub(crate) struct Model {
 impl Model {
     pub(crate) fn of(net: PincNet) -> PyResult<Self> {
         let model = PincModel::new(&net).map_err(|error| input(error.to_string()))?;
+        let parameters = net.parameter_names().map(str::to_owned).collect();
+        let names = [net.state_names().to_vec(), net.input_names().to_vec(), parameters];
         Ok(Self {
-            dims: model.dims(),
-            parameters: net.parameter_names().map(str::to_owned).collect(),
+            discrete: Discrete::new(names, move || Box::new(model.clone())),
             certificate: None,
-            model: Mutex::new(model),
             estimate: Mutex::new(None),
             net,
         })
@@ -52,69 +50,13 @@ impl Model {
             None => self.net.to_bytes(),
         }
     }
-
-    /// The model, for one call. It has no memory of earlier calls, not even of one that failed.
-    fn lock(&self) -> MutexGuard<'_, PincModel> {
-        self.model.lock().unwrap_or_else(PoisonError::into_inner)
-    }
-
-    /// Points for x, u and p, with one of each for all where it is given once.
-    fn arguments(
-        &self,
-        x: &Given<'_>,
-        u: &Given<'_>,
-        p: Option<&Given<'_>>,
-    ) -> PyResult<Arguments> {
-        let x = Points::read(x, "x", self.net.state_names())?;
-        let u = Points::read(u, "u", self.net.input_names())?;
-        let p = match p {
-            Some(p) => Points::read(p, "p", &self.parameters)?,
-            None if self.parameters.is_empty() => Points { values: Vec::new(), rows: None },
-            None => {
-                let names = self.parameters.join(", ");
-                return Err(input(format!("p: missing, the net takes parameters ({names})")));
-            }
-        };
-        let rows = [x.rows, u.rows, p.rows].into_iter().flatten().max();
-        let count = rows.unwrap_or(1);
-        for (name, points) in [("x", &x), ("u", &u), ("p", &p)] {
-            if points.rows.is_some() && points.count() != count {
-                let found = points.count();
-                return Err(input(format!("{name}: {found} rows given, expected {count}")));
-            }
-        }
-        Ok(Arguments {
-            x: x.repeated(count),
-            u: u.repeated(count),
-            p: p.repeated(count),
-            count,
-            rows,
-        })
-    }
-}
-
-/// The arguments of a model at some points.
-struct Arguments {
-    x: Vec<f64>,
-    u: Vec<f64>,
-    p: Vec<f64>,
-    count: usize,
-    rows: Option<usize>,
-}
-
-impl Arguments {
-    /// x, u and p of point `k`.
-    fn point(&self, Dims { nx, nu, np, .. }: Dims, k: usize) -> [&[f64]; 3] {
-        let part = |width: usize| k * width..(k + 1) * width;
-        [&self.x[part(nx)], &self.u[part(nu)], &self.p[part(np)]]
-    }
 }
 
 #[pymethods]
 impl Model {
     /// Reads a model file.
     #[staticmethod]
-    fn load(path: PathBuf) -> PyResult<Self> {
+    pub(crate) fn load(path: PathBuf) -> PyResult<Self> {
         let bytes = read_file(&path).map_err(|error| of_run(&error.into()))?;
         Self::parse(&path, &bytes)
     }
@@ -166,7 +108,7 @@ impl Model {
     /// Names of the parameters that the net of a family of plants takes.
     #[getter]
     fn parameters(&self) -> Vec<String> {
-        self.parameters.clone()
+        self.discrete.parameters.clone()
     }
 
     /// Length T of a step in s.
@@ -180,7 +122,7 @@ impl Model {
     fn domain<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let names = self.net.state_names().iter().chain(self.net.input_names());
         let domain = PyDict::new(py);
-        for (name, ends) in names.chain(&self.parameters).zip(self.net.domain().ends()) {
+        for (name, ends) in names.chain(&self.discrete.parameters).zip(self.net.domain().ends()) {
             domain.set_item(name, ends)?;
         }
         Ok(domain)
@@ -212,11 +154,11 @@ impl Model {
             }
         };
         let (_, estimate) = known.insert((source, estimate));
-        let at = self.arguments(&x, &u, p.as_ref())?;
-        let nx = self.dims.nx;
+        let at = self.discrete.arguments(&x, &u, p.as_ref())?;
+        let nx = self.discrete.dims.nx;
         let mut errors = vec![0.0; at.count * nx];
         for (k, error) in errors.chunks_exact_mut(nx).enumerate() {
-            let [x, u, p] = at.point(self.dims, k);
+            let [x, u, p] = at.point(self.discrete.dims, k);
             estimate.write(x, u, p, error);
         }
         array(py, errors, at.rows, &[nx])
@@ -250,16 +192,7 @@ impl Model {
         u: Given<'py>,
         p: Option<Given<'py>>,
     ) -> PyResult<Array<'py>> {
-        let at = self.arguments(&x, &u, p.as_ref())?;
-        let nx = self.dims.nx;
-        let mut next = vec![0.0; at.count * nx];
-        let mut model = self.lock();
-        for k in 0..at.count {
-            let [x, u, p] = at.point(self.dims, k);
-            model.step(x, u, p, &mut next[k * nx..(k + 1) * nx]);
-        }
-        drop(model);
-        array(py, next, at.rows, &[nx])
+        self.discrete.step(py, &x, &u, p.as_ref())
     }
 
     /// The state after T with its Jacobians by the state and the input.
@@ -271,20 +204,7 @@ impl Model {
         u: Given<'py>,
         p: Option<Given<'py>>,
     ) -> PyResult<(Array<'py>, Array<'py>, Array<'py>)> {
-        let at = self.arguments(&x, &u, p.as_ref())?;
-        let Dims { nx, nu, .. } = self.dims;
-        let mut next = vec![0.0; at.count * nx];
-        let mut a = vec![0.0; at.count * nx * nx];
-        let mut b = vec![0.0; at.count * nx * nu];
-        self.lock().linearize(
-            Stages { x: &at.x, u: &at.u, p: &at.p },
-            Linearization { next: &mut next, a: &mut a, b: &mut b, e: &mut [] },
-        );
-        Ok((
-            array(py, next, at.rows, &[nx])?,
-            array(py, a, at.rows, &[nx, nx])?,
-            array(py, b, at.rows, &[nx, nu])?,
-        ))
+        self.discrete.linearize(py, &x, &u, p.as_ref())
     }
 
     /// The state at the time t of a step, from 0 to T.
@@ -307,11 +227,11 @@ impl Model {
                  the end of a step only"
             )));
         }
-        let at = self.arguments(&x, &u, p.as_ref())?;
-        let nx = self.dims.nx;
+        let at = self.discrete.arguments(&x, &u, p.as_ref())?;
+        let nx = self.discrete.dims.nx;
         let mut states = Vec::with_capacity(at.count * nx);
         for k in 0..at.count {
-            let [x, u, p] = at.point(self.dims, k);
+            let [x, u, p] = at.point(self.discrete.dims, k);
             states.extend(self.net.evaluate(t, x, u, p));
         }
         array(py, states, at.rows, &[nx])
@@ -326,21 +246,7 @@ impl Model {
         u: Given<'py>,
         p: Option<Given<'py>>,
     ) -> PyResult<Array<'py>> {
-        let at = self.arguments(&x, &u, p.as_ref())?;
-        let nx = self.dims.nx;
-        if Points::read(&x, "x", self.net.state_names())?.rows.is_some() {
-            return Err(input("x: rows given, expected one state, where the run begins"));
-        }
-        let mut states = at.x[..nx.min(at.x.len())].to_vec();
-        states.resize((at.count + 1) * nx, 0.0);
-        let mut model = self.lock();
-        for k in 0..at.count {
-            let (done, next) = states.split_at_mut((k + 1) * nx);
-            let [_, u, p] = at.point(self.dims, k);
-            model.step(&done[k * nx..], u, p, &mut next[..nx]);
-        }
-        drop(model);
-        array(py, states, Some(at.count + 1), &[nx])
+        self.discrete.predict(py, &x, &u, p.as_ref())
     }
 
     /// The model as a function of CasADi, in SX.

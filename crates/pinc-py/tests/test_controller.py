@@ -1,5 +1,6 @@
 """Controllers, step by step."""
 
+import pickle
 from pathlib import Path
 
 import numpy as np
@@ -192,3 +193,24 @@ def test_controllers_that_cannot_be_made_are_refused(
             pinc.Nmpc(smoke, **given)  # type: ignore[arg-type]
     with pytest.raises(TypeError):
         pinc.Nmpc(smoke, model=3)  # type: ignore[arg-type]
+
+
+def test_controllers_are_pickled_with_their_state(smoke: Path, model: pinc.Model) -> None:
+    for controller in (pinc.Nmpc(smoke, model), pinc.Nmpc(TANKS, only="rk4")):
+        y = np.full(len(controller.measured), 0.5)
+        for k in range(4):
+            controller.step(y + 0.1 * k)
+        other = pickle.loads(pickle.dumps(controller))
+        for k in range(4):
+            assert np.abs(controller.step(y - 0.1 * k).u - other.step(y - 0.1 * k).u).max() < 1e-9
+    batch = pinc.NmpcBatch(smoke, only="rk4")
+    other = pickle.loads(pickle.dumps(batch))
+    given = ([[0.5, 0.1], [0.2, -0.3]], [0.0, 0.0])
+    assert np.array_equal(batch.steps(*given).u, other.steps(*given).u)
+
+
+def test_a_number_is_a_vector_of_one(model: pinc.Model) -> None:
+    assert np.array_equal(model.step([0.5, 0.1], 0.2), model.step([0.5, 0.1], [0.2]))
+    tank = pinc.Nmpc(CONFIGS / "smoke" / "rk4-only.toml")
+    same = pinc.Nmpc(CONFIGS / "smoke" / "rk4-only.toml")
+    assert tank.step(5.0, reference=9.0).u == same.step([5.0], reference=[9.0]).u

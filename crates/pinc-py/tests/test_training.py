@@ -39,7 +39,7 @@ def test_a_text_and_overrides(smoke: Path) -> None:
 def test_none_takes_a_key_away(smoke: Path) -> None:
     with pytest.raises(pinc.InputError, match="missing"):
         pinc.train(smoke, {"model.neurons": None})
-    with pytest.raises(pinc.InputError, match="--unset model.nothing: there is no key"):
+    with pytest.raises(pinc.InputError, match="overrides, without model.nothing: there is no key"):
         pinc.train(smoke, {"model.nothing": None})
 
 

@@ -19,6 +19,16 @@ pub enum ModelFile<'a> {
     Content(&'a [u8]),
 }
 
+impl ModelFile<'_> {
+    /// The content with its net, which has to suit `experiment`.
+    pub(super) fn matching(self, experiment: &Experiment) -> Result<(Vec<u8>, PincNet), RunError> {
+        match self {
+            Self::At(path) => matching_model(experiment, path, read_file(path)?),
+            Self::Content(bytes) => matching_model(experiment, Path::new("model"), bytes.to_vec()),
+        }
+    }
+}
+
 /// The controller of a config, with one of its models.
 pub(super) struct Chosen<'e> {
     pub(super) spec: &'e ControlSpec,
@@ -78,12 +88,7 @@ impl<'e> Chosen<'e> {
         }
         let given = match (kind, model) {
             (ModelKind::Pinc, None) => return Err(RunError::no_model_file(name, command)),
-            (ModelKind::Pinc, Some(ModelFile::At(path))) => {
-                Some(matching_model(experiment, path, read_file(path)?)?)
-            }
-            (ModelKind::Pinc, Some(ModelFile::Content(bytes))) => {
-                Some(matching_model(experiment, Path::new("model"), bytes.to_vec())?)
-            }
+            (ModelKind::Pinc, Some(file)) => Some(file.matching(experiment)?),
             _ => None,
         };
         // In a family, a net stands for the member that the config names, unless an estimator or a

@@ -1,5 +1,6 @@
 //! `pinc estimate`: the estimator of a config over recorded data, from CSV to CSV.
 
+use super::chosen::ModelFile;
 use super::columns::{At, rows};
 use super::control::LoopSetup;
 use super::feedback;
@@ -75,10 +76,53 @@ pub fn estimate(
     model: Option<&Path>,
     only: Option<ModelKind>,
 ) -> Result<Estimated, RunError> {
+    let model = model.map(ModelFile::At);
+    let ConfigEstimator { mut filter, names, measured, variables, sample_time_s, initial_input } =
+        estimator(experiment, model, only)?;
+    let text = read_file(data)?;
+    let initial_input = initial_input.as_deref();
+    let found = run((filter.as_mut(), initial_input), &text, &variables, &measured, sample_time_s);
+    let at = |(line, problem): At| RunError::Csv { path: data.to_owned(), line, problem };
+    let Run { rows, failed, used, step_us, squared } = found.map_err(at)?;
+    let table = EstimateTable { names, measured, rows };
+    if let Some(output) = output {
+        write_atomically(output, table.estimates_to_csv().as_bytes())?;
+    }
+    let summary = summary(&table, used, squared, &variables);
+    Ok(Estimated { failed, step_us: StepTimes::of(step_us).p50, ..summary })
+}
+
+/// The estimator of a config, with the names of its numbers.
+#[derive(Debug)]
+pub struct ConfigEstimator {
+    /// The estimator; before the first measurement the input is taken for 0.
+    pub filter: Box<dyn Estimator>,
+    /// What is estimated: the states, disturbances and parameters.
+    pub names: Vec<String>,
+    /// What is measured.
+    pub measured: Vec<String>,
+    /// The plant's variables.
+    pub variables: Variables,
+    /// Length T of a step in s.
+    pub sample_time_s: f64,
+    /// What was applied before the first step, where the config says it.
+    pub initial_input: Option<Vec<f64>>,
+}
+
+/// The estimator of `experiment`, with the model of [`estimate`].
+///
+/// # Errors
+///
+/// [`RunError`] if the config has none, or it cannot be made.
+pub fn estimator(
+    experiment: &Experiment,
+    model: Option<ModelFile<'_>>,
+    only: Option<ModelKind>,
+) -> Result<ConfigEstimator, RunError> {
     let missing = |section| RunError::missing_section(&experiment.name, section, "estimate");
     let spec = experiment.control.as_ref().ok_or_else(|| missing("control"))?;
     let estimator = spec.estimator.as_ref().ok_or_else(|| missing("control.estimator"))?;
-    let net = model.map(|path| super::read_matching_model(experiment, path)).transpose()?;
+    let net = model.map(|file| file.matching(experiment)).transpose()?;
     let net = net.map(|(_, net)| net);
     let numerical = || spec.models.iter().copied().find(|kind| *kind != ModelKind::Pinc);
     let kind = match (only, &net) {
@@ -100,20 +144,15 @@ pub fn estimate(
     let measurement = spec.measurement.clone().unwrap_or_default();
     let augmentation = setup.augmentation(estimator, &measurement, &*plant);
     let model = setup.model(kind, &*plant)?;
-    let mut filter = feedback::estimator((spec, estimator), &augmentation, model, None)?;
-    let names = estimator.names(&measurement, &variables);
-    let measured = measurement.names(&variables);
-    let text = read_file(data)?;
-    let initial_input = spec.initial_input.as_deref();
-    let found = run((filter.as_mut(), initial_input), &text, &variables, &measured, sample_time_s);
-    let at = |(line, problem): At| RunError::Csv { path: data.to_owned(), line, problem };
-    let Run { rows, failed, used, step_us, squared } = found.map_err(at)?;
-    let table = EstimateTable { names, measured, rows };
-    if let Some(output) = output {
-        write_atomically(output, table.estimates_to_csv().as_bytes())?;
-    }
-    let summary = summary(&table, used, squared, &variables);
-    Ok(Estimated { failed, step_us: StepTimes::of(step_us).p50, ..summary })
+    let filter = feedback::estimator((spec, estimator), &augmentation, model, None)?;
+    Ok(ConfigEstimator {
+        filter,
+        names: estimator.names(&measurement, &variables),
+        measured: measurement.names(&variables),
+        variables,
+        sample_time_s,
+        initial_input: spec.initial_input.clone(),
+    })
 }
 
 fn summary(

@@ -62,7 +62,7 @@ use control::Schedules;
 pub use control::{LoopSetup, verdict};
 pub use domain_error::proven_net_error;
 pub use error::{CsvProblem, RunError};
-pub use estimate::{Estimated, estimate};
+pub use estimate::{ConfigEstimator, Estimated, estimate, estimator};
 pub use export::{Target, export_controller, export_net, export_plant};
 pub use identify::identify;
 pub use live::{Follow, LiveController, LiveStep};

@@ -13,8 +13,11 @@ use pinc_config::{Experiment, ModelKind};
 use pinc_record::OutsideDomain;
 use pinc_runs::{LiveController, ModelFile, RunError, console};
 use std::io::{self, BufRead, BufReader, Read, Write};
-use std::net::TcpListener;
+use std::net::{TcpListener, TcpStream};
 use std::path::Path;
+use std::sync::{Condvar, Mutex, PoisonError, mpsc};
+use std::thread;
+use std::time::Duration;
 
 /// The length of a line, in bytes: so much, and more for each number that a request may hold.
 const LINE: usize = 65_536;
@@ -44,9 +47,9 @@ pub fn serve(
     Ok(controller.outside_domain())
 }
 
-/// [`serve`] for the clients that connect to `listener`, one after the other: while one is served,
-/// the next waits. The controller goes on from client to client. Writes
-/// `{"listening":"address:port"}` to `output` first, and returns only with an error.
+/// [`serve`] for the clients that connect to `listener`, one at a time: another that connects
+/// meanwhile is told so in an `{"error": ".."}` and sent away. The controller goes on from client to
+/// client. Writes `{"listening":"address:port"}` to `output` first, and returns only with an error.
 ///
 /// # Errors
 ///
@@ -63,16 +66,70 @@ pub fn serve_clients(
     let address = listener.local_addr().map_err(failed)?;
     let said = writeln!(output, "{{\"listening\":\"{address}\"}}").and_then(|()| output.flush());
     console::written(said)?;
-    loop {
-        let (stream, _) = listener.accept().map_err(failed)?;
-        // An answer is one small packet, which is not to wait for more. A client that leaves in the
-        // middle of a line has left, whatever the error is called.
-        let served = stream
-            .set_nodelay(true)
-            .and_then(|()| answer_lines(&mut controller, BufReader::new(&stream), &stream));
-        if let Err(error) = served {
-            tracing::debug!(%error, "a client left");
+    let door = Door::default();
+    let (sender, clients) = mpsc::sync_channel(1);
+    let error = thread::scope(|scope| {
+        let accepting = scope.spawn(|| door.accept(listener, sender));
+        for stream in clients {
+            // An answer is one small packet, which is not to wait for more. A client that leaves in
+            // the middle of a line has left, whatever the error is called.
+            let served = stream
+                .set_nodelay(true)
+                .and_then(|()| answer_lines(&mut controller, BufReader::new(&stream), &stream));
+            if let Err(error) = served {
+                tracing::debug!(%error, "a client left");
+            }
+            drop(stream);
+            door.open();
         }
+        accepting.join()
+    });
+    match error {
+        Ok(error) => Err(failed(error)),
+        Err(panic) => std::panic::resume_unwind(panic),
+    }
+}
+
+/// Lets one client in at a time.
+#[derive(Default)]
+struct Door {
+    is_taken: Mutex<bool>,
+    opened: Condvar,
+}
+
+/// How long a client may take to be gone once it has closed its connection.
+const LEAVING: Duration = Duration::from_millis(200);
+
+impl Door {
+    /// Passes clients on, and sends those away that come while one is served. Ends with an error.
+    fn accept(&self, listener: &TcpListener, clients: mpsc::SyncSender<TcpStream>) -> io::Error {
+        loop {
+            let stream = match listener.accept() {
+                Ok((stream, _)) => stream,
+                Err(error) => return error,
+            };
+            if !self.enter() {
+                let error = "another client is served; connect again once it has left";
+                if let Err(error) = writeln!(&stream, "{}", refusal(error)) {
+                    tracing::debug!(%error, "a client that was sent away had left");
+                }
+            } else if clients.send(stream).is_err() {
+                return io::Error::other("nobody serves clients any more");
+            }
+        }
+    }
+
+    /// Whether a client comes in: nobody else is served, or is about to leave.
+    fn enter(&self) -> bool {
+        let taken = self.is_taken.lock().unwrap_or_else(PoisonError::into_inner);
+        let waited = self.opened.wait_timeout_while(taken, LEAVING, |taken| *taken);
+        let (mut taken, _) = waited.unwrap_or_else(PoisonError::into_inner);
+        !std::mem::replace(&mut *taken, true)
+    }
+
+    fn open(&self) {
+        *self.is_taken.lock().unwrap_or_else(PoisonError::into_inner) = false;
+        self.opened.notify_all();
     }
 }
 

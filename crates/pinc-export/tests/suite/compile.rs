@@ -101,6 +101,12 @@ impl Sources {
         all
     }
 
+    /// Builds the library and the self-test by the Makefile, and runs it.
+    #[track_caller]
+    pub(crate) fn make_test(&self) {
+        self.run(Command::new("make").args(["-s", "test"]));
+    }
+
     fn path(&self) -> &Path {
         self.dir.path()
     }

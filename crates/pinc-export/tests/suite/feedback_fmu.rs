@@ -71,15 +71,21 @@ static void begin(void)
 }
 static int set(const double *values)
 {
-    const fmi3ValueReference vr[2] = {3, 4};
-    return fmi3SetFloat64(c, vr, 2, values, 4) != fmi3OK;
+    const fmi3ValueReference vr[4] = {7, 8, 9, 10};
+    return fmi3SetFloat64(c, vr, 4, values, 4) != fmi3OK;
 }
 static int get(int *ended)
 {
-    const fmi3ValueReference vr[4] = {5, 6, 4, 7};
-    fmi3Int32 other;
-    return fmi3GetInt32(c, vr, 2, ended, 2) != fmi3OK || fmi3GetInt32(c, vr + 2, 1, &other, 1) == fmi3OK ||
-           fmi3GetInt32(c, vr + 3, 1, &other, 1) == fmi3OK;
+    const fmi3ValueReference vr[4] = {13, 14, 12, 15};
+    int64_t words[2];
+    int64_t other;
+    if (fmi3GetInt64(c, vr, 2, words, 2) != fmi3OK) {
+        return 1;
+    }
+    ended[0] = (int)words[0];
+    ended[1] = (int)words[1];
+    return fmi3GetInt64(c, vr + 2, 1, &other, 1) == fmi3OK ||
+           fmi3GetInt64(c, vr + 3, 1, &other, 1) == fmi3OK;
 }
 static int step(double t)
 {
@@ -129,23 +135,44 @@ fn an_fmu_has_the_status_of_its_estimator() {
         let estimation = Estimation { filter: Filter::Extended, augmentation, tuning };
         let files = case.export_by(Some(estimation), export).unwrap();
         let xml = String::from_utf8(files[0].bytes.clone()).unwrap();
-        let [status, named] =
-            ["\"status\"", "\"estimator_status\""].map(|name| xml.find(name).unwrap());
-        assert!(status < named && xml[named..].contains("0: updated"), "{xml}");
-        // Both are outputs that depend on what is measured and on the references.
+        // Both are outputs that depend on what is measured and on the references, at the start on the
+        // inputs before it too.
         match version {
             FmiVersion::Two => {
-                for index in [11, 12] {
-                    let unknown = format!("<Unknown index=\"{index}\" dependencies=\"7 8 9 10\"/>");
-                    assert_eq!(xml.matches(&unknown).count(), 2, "{xml}");
+                for index in [13, 14] {
+                    let unknown =
+                        |on: &str| format!("<Unknown index=\"{index}\" dependencies=\"{on}\"/>");
+                    assert!(xml.contains(&unknown("7 8 9 10")), "{xml}");
+                    assert!(xml.contains(&unknown("7 8 9 10 11 12")), "{xml}");
                 }
             }
             FmiVersion::Three => {
-                for reference in [5, 6] {
-                    let output = format!("valueReference=\"{reference}\" dependencies=\"3 4\"/>");
-                    assert_eq!(xml.matches(&output).count(), 2, "{xml}");
+                for reference in [13, 14] {
+                    let output = |on: &str| {
+                        format!("valueReference=\"{reference}\" dependencies=\"{on}\"/>")
+                    };
+                    assert!(xml.contains(&output("7 8 9 10")), "{xml}");
+                    assert!(xml.contains(&output("7 8 9 10 11 12")), "{xml}");
                 }
             }
+        }
+        // The words of the header, with its numbers.
+        for (word, number) in [
+            ("converged", 0),
+            ("iteration-limit", 1),
+            ("deadline", 2),
+            ("not-initialized", 7),
+            ("updated", 0),
+            ("nothing-measured", 1),
+            ("reading-rejected", 6),
+            ("reacquired", 7),
+        ] {
+            let item = format!("<Item name=\"{word}\" value=\"{number}\"/>");
+            assert!(xml.contains(&item), "{word}: {xml}");
+        }
+        for status in ["status", "estimator_status"] {
+            let of_type = format!("declaredType=\"pinc.{status}\"");
+            assert_eq!(xml.matches(&of_type).count(), 1, "{xml}");
         }
         let sources =
             Sources::with_included(&files.into_iter().map(flat).collect::<Vec<_>>(), "ctl_fmu.c");
@@ -157,9 +184,20 @@ fn an_fmu_has_the_status_of_its_estimator() {
             assert!(found[1].total_cmp(&number_of(word)).is_eq(), "{found:?} {word}");
         }
         // A controller without an estimator has no such variable.
-        let mut plain = tanks_case().export_by(None, export).unwrap();
+        let in_volts = |controller: &Controller<'_>, name: &Name, origin: &Origin| {
+            let mut origin = origin.clone();
+            origin.inputs.iter_mut().for_each(|pump| pump.unit = "V".into());
+            controller_to_fmu(controller, name, &origin, version)
+        };
+        let mut plain = tanks_case().export_by(None, in_volts).unwrap();
         let xml = String::from_utf8(plain.swap_remove(0).bytes).unwrap();
         assert!(xml.contains("\"status\"") && !xml.contains("estimator_status"), "{xml}");
+        // The pumps have unit, bounds and size.
+        let attributes = "unit=\"V\" min=\"0.0\" max=\"5.0\" nominal=\"5.0\"";
+        assert_eq!(xml.matches(attributes).count(), 2, "{xml}");
+        for name in ["\"u0\"", "\"x3\"", "\"x1_ref\"", "\"u1_start\""] {
+            assert!(xml.contains(&format!("name={name} valueReference")), "{name}: {xml}");
+        }
     }
 }
 
@@ -180,8 +218,7 @@ fn an_fmu_of_a_controller_with_its_estimator_compiles() {
         };
         let files = case.export_by(Some(estimation), export).unwrap();
         let xml = String::from_utf8(files[0].bytes.clone()).unwrap();
-        assert!(xml.contains("y[2]") || xml.contains("name=\"y\""), "{xml}");
-        assert!(xml.contains("x_estimate"), "{xml}");
+        assert!(xml.contains("name=\"y1\"") && xml.contains("name=\"x1_estimate\""), "{xml}");
         // The total of the initial state under the initial input: h1 + 0.7 h2 + 0.05 k1 u1 =
         // 9.5 + 0.7 * 9.5 + 0.05 * 3.33 * 3.
         assert!(xml.contains("16.6495\""), "{xml}");

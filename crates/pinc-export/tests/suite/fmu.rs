@@ -125,3 +125,80 @@ fn a_controller_chooses_anew_at_every_sample() {
     // It is the bound on increments that makes a sample differ from the one before.
     assert!((inputs[8] - inputs[7] + 0.06).abs() < 1e-8, "{inputs:?}");
 }
+
+/// Says of a step that passes a sample why it is not taken, and begins with the inputs it is given.
+const START_DRIVER: &str = r#"
+#include "ctl_fmu.c"
+#include <stdarg.h>
+#include <stdio.h>
+#include <stdlib.h>
+static void said(fmi2ComponentEnvironment e, fmi2String i, fmi2Status s, fmi2String c, fmi2String m, ...)
+{
+    char text[256];
+    va_list given;
+    (void)e;
+    (void)i;
+    (void)c;
+    va_start(given, m);
+    vsnprintf(text, sizeof(text), m, given);
+    va_end(given);
+    printf("%d\n%d\n", (int)s, strstr(text, "samples are every 0.5 s") != 0);
+}
+int main(void)
+{
+    fmi2CallbackFunctions callbacks = {said, calloc, free, 0, 0};
+    const fmi2ValueReference u[1] = {0};
+    const fmi2ValueReference set[5] = {1, 2, 3, 4, 5};
+    const fmi2Real values[5] = {0.6, -0.2, 0.1, 0.0, -0.5};
+    fmi2Real input;
+    fmi2Component c = fmi2Instantiate("a", fmi2CoSimulation, CTL_GUID, "", &callbacks, 0, 0);
+    fmi2SetupExperiment(c, 0, 0.0, 0.0, 0, 0.0);
+    fmi2SetReal(c, set, 5, values);
+    fmi2EnterInitializationMode(c);
+    fmi2ExitInitializationMode(c);
+    fmi2GetReal(c, u, 1, &input);
+    printf("%.17g\n", input);
+    return fmi2DoStep(c, 0.0, 0.7, 1) != fmi2Error;
+}
+"#;
+
+#[test]
+fn the_inputs_before_the_first_sample_are_given_and_a_refused_step_is_logged() {
+    let base = oscillator_case();
+    let increment_bounds = Bounds::new(vec![-0.06], vec![0.05]);
+    let case = Case {
+        problem: NmpcProblem { increment_bounds, ..base.problem },
+        begin: Begin { initial_input: Some(vec![0.7]), ..Begin::default() },
+        ..oscillator_case()
+    };
+    let export = |controller: &Controller<'_>, name: &Name, origin: &Origin| {
+        controller_to_fmu(controller, name, origin, FmiVersion::Two)
+    };
+    let flat = |file: GeneratedFile| GeneratedFile {
+        path: file.path.trim_start_matches("sources/").to_owned(),
+        ..file
+    };
+    let files: Vec<_> = case.export_by(None, export).unwrap().into_iter().map(flat).collect();
+    let options = ["-Wno-unused-parameter"];
+    let found = Sources::with_included(&files, "ctl_fmu.c").drive(START_DRIVER, &options, &[]);
+    let mut nmpc = Nmpc::new(case.problem.clone(), case.model(), case.config).unwrap();
+    nmpc.reset_input(&[-0.5]).unwrap();
+    let expected = nmpc.step(&[0.6, -0.2], &[0.1, 0.0].repeat(5)).unwrap().u[0];
+    assert!((found[0] - expected).abs() < 1e-9, "{found:?} {expected}");
+    assert!((expected + 0.5).abs() < 0.061);
+    // fmi2Error, with the sentence.
+    assert_eq!(found[1..], [3.0, 1.0]);
+}
+
+/// Variables of the plant that have names of the FMU's own are refused.
+#[test]
+fn two_variables_of_one_name_are_refused() {
+    let case = oscillator_case();
+    let export = |controller: &Controller<'_>, name: &Name, origin: &Origin| {
+        let mut origin = origin.clone();
+        origin.states[0].name = "status".into();
+        controller_to_fmu(controller, name, &origin, FmiVersion::Three)
+    };
+    let refused = case.export_by(None, export).unwrap_err().to_string();
+    assert!(refused.contains("`status`"), "{refused}");
+}

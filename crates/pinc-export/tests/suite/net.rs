@@ -390,6 +390,8 @@ fn the_header_states_names_domain_and_hash() {
         assert!(header.contains(part), "{part} in {header}");
     }
     let paths: Vec<_> = files.iter().map(|file| &*file.path).collect();
-    let expected = ["osc_net.h", "osc_net.c", "osc_selftest.c", "CMakeLists.txt", "README.md"];
+    let expected =
+        ["osc_net.h", "osc_net.c", "osc_selftest.c", "CMakeLists.txt", "Makefile", "README.md"];
     assert_eq!(paths, expected);
+    Sources::new(&files).make_test();
 }

@@ -280,3 +280,44 @@ int main(void)
     let expected: Vec<f64> = (0..8_u8).flat_map(|i| [f64::from(i), 0.0]).collect();
     assert_eq!(found, expected);
 }
+
+/// Steps a controller, copies it, steps on, and steps the copy, put into another struct, likewise.
+const COPIES: &str = r#"
+#include "ctl_mpc.h"
+#include <stdio.h>
+static ctl_mpc first;
+static ctl_mpc second;
+static void steps(ctl_mpc *m, int begin, int end)
+{
+    CTL_REAL rows[CTL_N2 * CTL_NY], u[CTL_NU];
+    int k;
+    for (k = begin; k < end; k++) {
+        const CTL_REAL x[CTL_NX] = {CTL_N(0.4) - (CTL_N(0.05) * (CTL_REAL)k), CTL_N(0.1)};
+        ctl_reference(CTL_SAMPLE_TIME_S * (double)k, rows);
+        (void)ctl_mpc_step(m, x, rows, u);
+        printf("%.17g\n", (double)u[0]);
+    }
+}
+int main(void)
+{
+    ctl_mpc_init(&first);
+    ctl_mpc_init(&second);
+    steps(&first, 0, 5);
+    steps(&second, 7, 9);
+    second = first;
+    steps(&first, 5, 9);
+    steps(&second, 5, 9);
+    return 0;
+}
+"#;
+
+#[test]
+fn a_copy_of_the_struct_goes_on_without_a_bump() {
+    for delay in [0, 2] {
+        let files = begun(delay, false).export(None).unwrap();
+        let found = Sources::new(&files).drive(COPIES, &[], &[]);
+        let bits: Vec<u64> = found.iter().map(|u| u.to_bits()).collect();
+        assert_eq!(bits[7..11], bits[11..15]);
+        assert_ne!(bits[7..9], bits[5..7]);
+    }
+}

@@ -7,7 +7,7 @@ from typing import Any, Optional, Union
 
 from ._errors import InputError
 
-Config = Union[str, "os.PathLike[str]"]
+Config = Union[str, "os.PathLike[str]", Mapping[str, Any]]
 
 
 def resolve(
@@ -15,12 +15,15 @@ def resolve(
 ) -> tuple[str, Optional[str], list[str]]:
     """Path and text of a config (no text: it is to be read), and its overrides as ``key=value``.
 
-    The value ``None`` takes the key away.
+    A mapping has the keys and tables of a config. The value ``None`` takes a key away.
     """
     sets = [
         f"--unset {key}" if value is None else f"{key}={_toml(key, value)}"
         for key, value in (overrides or {}).items()
     ]
+    if isinstance(config, Mapping):
+        text = "".join(f"{json.dumps(key)} = {_toml(key, value)}\n" for key, value in config.items())
+        return "<config>", text, sets
     if isinstance(config, str) and "\n" in config:
         return "<config>", config, sets
     return os.fspath(config), None, sets

@@ -44,7 +44,7 @@ def torch_policy(batch: "NmpcBatch", smoothing: Optional[float] = None) -> Calla
     def arrays(tensors: Any) -> list[Any]:
         return [tensor.detach().cpu().to(torch.float64).numpy() for tensor in tensors]
 
-    class Policy(torch.autograd.Function):
+    class Policy(torch.autograd.Function):  # type: ignore[misc, unused-ignore]
         @staticmethod
         def forward(ctx: Any, *tensors: Any) -> Any:
             ctx.save_for_backward(*tensors)
@@ -86,7 +86,7 @@ def jax_policy(batch: "NmpcBatch", smoothing: Optional[float] = None) -> Callabl
 
         return jax.pure_callback(on_arrays, shapes, *given)
 
-    @jax.custom_vjp
+    @jax.custom_vjp  # type: ignore[untyped-decorator, unused-ignore]
     def inputs(*given: Any) -> Any:
         x = given[0]
         shape = jax.ShapeDtypeStruct((x.shape[0], len(batch.inputs)), x.dtype)

@@ -10,19 +10,42 @@ from ._config import Config
 
 _Array = NDArray[np.float64]
 
+_Path = Union[str, os.PathLike[str]]
+
 __all__ = [
     "ControlStep",
+    "Correction",
+    "Estimator",
     "GradientBatch",
+    "IntegratorModel",
     "LoopBatch",
     "Model",
     "Nmpc",
     "NmpcBatch",
     "PlanChange",
     "PlanGradient",
+    "Plant",
     "StepBatch",
     "Trained",
     "TrainingProgress",
+    "allow_processes",
+    "certify_into",
+    "choose_into",
+    "control_into",
+    "estimate_into",
+    "export_controller",
+    "export_net",
+    "export_plant",
+    "findings",
+    "identify_into",
+    "resolved",
+    "restore_batch",
+    "restore_estimator",
+    "restore_integrator",
+    "restore_nmpc",
+    "restore_plant",
     "run_into",
+    "solve_dense_qp",
     "train",
 ]
 
@@ -162,6 +185,8 @@ class Nmpc:
     The model is the net ``model``, a ``Model`` or the path of a model file, or the one that
     ``only`` names (``"pinc"``, ``"rk4"``, ``"rk5"``, ``"rosenbrock"``, ``"black-box"``), or else the
     config's first. A net is used by ``"pinc"`` only: a ``model`` with another ``only`` is refused.
+
+    A controller can be pickled and copied with its ``state()``; steps release the interpreter's lock.
     """
 
     def __new__(
@@ -244,6 +269,168 @@ class Nmpc:
         """Length T of a step in s."""
 
 @final
+class Plant:
+    """The plant of a config: its equation x' = f(x, u), its outputs h(x, u), and its simulator.
+
+    With ``in_loop`` it is the plant of the closed loop, ``[control.plant]``, where the config has
+    one. Methods take points or rows of points as those of a ``Model``. A plant can be pickled, and
+    used from several threads.
+
+    Example::
+
+        tank = pinc.Plant({
+            "name": "tank", "preset": "ours", "seed": 1,
+            "plant": {"expression": {
+                "states": {"h": "(q - k*sqrt(h))/a"}, "inputs": ["q"],
+                "parameters": {"k": 0.5, "a": 2.0},
+            }},
+        })
+        levels = tank.simulate([1.0], [[0.6]] * 20, step_s=1.0)
+    """
+
+    def __new__(
+        cls,
+        config: Config,
+        overrides: Optional[Mapping[str, object]] = None,
+        in_loop: bool = False,
+    ) -> Plant: ...
+    @property
+    def states(self) -> list[str]:
+        """Names of the states, in order."""
+    @property
+    def inputs(self) -> list[str]:
+        """Names of the inputs, in order."""
+    @property
+    def outputs(self) -> list[str]:
+        """Names of the outputs, in order; the states' where the plant has no outputs of its own."""
+    @property
+    def units(self) -> dict[str, str]:
+        """The units of states, inputs and outputs by their names."""
+    @property
+    def parameters(self) -> dict[str, float]:
+        """The values of the equation's parameters by their names."""
+    @property
+    def sample_time_s(self) -> Optional[float]:
+        """Length T of the config's control step in s, or None."""
+    def derivative(self, x: ArrayLike, u: ArrayLike) -> _Array:
+        """The time derivative f(x, u) of the state, ``(n,)``, per s."""
+    def jacobian(self, x: ArrayLike, u: ArrayLike) -> _Array:
+        """The Jacobian of f by the states, then the inputs, ``(n, n + m)``."""
+    def output(self, x: ArrayLike, u: ArrayLike) -> _Array:
+        """The outputs h(x, u)."""
+    def simulate(
+        self, x: ArrayLike, u: ArrayLike, step_s: Optional[float] = None
+    ) -> _Array:
+        """The states from the state ``x`` on, ``(steps + 1, n)``, under the inputs ``u``, a row per
+        step of ``step_s`` seconds (the config's control step), held over the step. The equation is
+        integrated to the tolerance ``control.plant_tolerance``, or 1e-10; a black box is asked."""
+    def model(
+        self,
+        method: str = "rk4",
+        step_s: Optional[float] = None,
+        substeps: Optional[int] = None,
+    ) -> IntegratorModel:
+        """An integrator of the equation as a model: ``"rk4"``, ``"rk5"`` or ``"rosenbrock"``, with
+        steps of ``step_s`` seconds in ``substeps`` parts; both are the config's, or 4 substeps."""
+
+@final
+class IntegratorModel:
+    """An integrator of a plant as a model in discrete time, ``x[k+1] = F(x[k], u[k])``, with its
+    Jacobians; ``Plant.model`` makes it. Its methods are as those of a ``Model``."""
+
+    @property
+    def states(self) -> list[str]:
+        """Names of the states, in order."""
+    @property
+    def inputs(self) -> list[str]:
+        """Names of the inputs, in order."""
+    @property
+    def sample_time_s(self) -> float:
+        """Length T of a step in s."""
+    @property
+    def substeps(self) -> int:
+        """Number of substeps of a step."""
+    def step(self, x: ArrayLike, u: ArrayLike) -> _Array:
+        """The state after T. Threads share many points."""
+    def linearize(self, x: ArrayLike, u: ArrayLike) -> tuple[_Array, _Array, _Array]:
+        """The state after T with its Jacobians by the state, ``(n, n)``, and by the input,
+        ``(n, m)``."""
+    def predict(self, x: ArrayLike, u: ArrayLike) -> _Array:
+        """The free run from the state ``x`` under the inputs ``u``, a row per step: the states at
+        all step marks, ``(steps + 1, n)``, the first of them ``x``."""
+
+@final
+class Estimator:
+    """The estimator of a config, step by step: ``correct`` with what is measured, use ``estimate``,
+    then ``predict`` with the input that is applied.
+
+    The model is the net ``model``, or the one that ``only`` names, or else the config's first
+    integrator. An estimator can be pickled with what it knows.
+    """
+
+    def __new__(
+        cls,
+        config: Config,
+        model: Union[Model, str, os.PathLike[str], None] = None,
+        only: Optional[str] = None,
+        overrides: Optional[Mapping[str, object]] = None,
+    ) -> Estimator: ...
+    def reset(self, u: Optional[ArrayLike] = None) -> None:
+        """Forgets everything: the estimate is again the initial one. ``u`` is the input that acts
+        before the first measurement: ``control.initial_input``, or 0."""
+    def correct(self, y: ArrayLike) -> Correction:
+        """Corrects the estimate with what is measured now; NaN is missing."""
+    def predict(self, u: ArrayLike) -> str:
+        """Moves the estimate on by a step of T under the input ``u``. Returns how that ended;
+        ``"updated"`` is the ordinary status."""
+    @property
+    def estimate(self) -> _Array:
+        """The estimate of ``names``."""
+    @property
+    def sd(self) -> _Array:
+        """Its standard deviations."""
+    @property
+    def covariance(self) -> _Array:
+        """Its covariance."""
+    @property
+    def innovation(self) -> _Array:
+        """The innovation of the last correction, measured minus expected; NaN where the measurement
+        was missing or rejected."""
+    @property
+    def names(self) -> list[str]:
+        """What is estimated: the states, disturbances and parameters."""
+    @property
+    def measured(self) -> list[str]:
+        """Names of what is measured: the argument y of ``correct``."""
+    @property
+    def inputs(self) -> list[str]:
+        """Names of the inputs."""
+    @property
+    def sample_time_s(self) -> float:
+        """Length T of a step in s."""
+    def state(self) -> _Array:
+        """What it knows from its past, as numbers."""
+    def set_state(self, state: ArrayLike) -> None:
+        """Goes on from the ``state()`` of another estimator of the same config."""
+
+@final
+class Correction:
+    """What came of a correction."""
+
+    @property
+    def status(self) -> str:
+        """How it ended; ``"updated"`` is the ordinary status."""
+    @property
+    def nis(self) -> float:
+        """The normalized innovation squared; NaN where nothing was used."""
+    @property
+    def measured(self) -> int:
+        """How many measurements were used."""
+    @property
+    def rejected(self) -> int:
+        """How many measurements the gate rejected."""
+
+@final
 class PlanGradient:
     """The gradient of a function of a plan."""
 
@@ -277,7 +464,7 @@ class NmpcBatch:
     """The controller of a config for many states at once, on ``threads`` threads (0: one per core),
     without an estimator.
 
-    Each step and each loop starts afresh: results do not depend on what else is in the batch, nor
+    A batch can be pickled. Each step and each loop starts afresh: results do not depend on what else is in the batch, nor
     on the number of threads. The other arguments are as of ``Nmpc``.
     """
 
@@ -439,10 +626,53 @@ class ControlStep:
         """The estimated error of the net in that step, ``(n,)``, in the states' units; empty without
         ``control.error_tolerance``."""
 
-def run_into(
-    config: Config,
-    out: Union[str, os.PathLike[str], None] = None,
-    overrides: Optional[Mapping[str, object]] = None,
-    resume: bool = False,
-    verbose: bool = False,
+def run_into(common: object) -> Path: ...
+def control_into(common: object) -> Path: ...
+def findings(common: object) -> str: ...
+def certify_into(
+    common: object,
+    points: Optional[int],
+    data: Optional[_Path],
+    run: Optional[_Path],
+    domain: bool,
+    budget_s: Optional[float],
+) -> tuple[Path, str]: ...
+def identify_into(
+    common: object, data: list[_Path], starts: Optional[int]
+) -> tuple[Path, str]: ...
+def estimate_into(common: object, data: _Path) -> dict[str, Any]: ...
+def choose_into(common: object, within: float, budget_s: float) -> tuple[Path, Path, Path, str]: ...
+def export_controller(common: object, to: str, name: Optional[str], errors: bool) -> Path: ...
+def export_plant(common: object, to: str, name: Optional[str]) -> Path: ...
+def export_net(
+    model: _Path,
+    to: str,
+    name: Optional[str],
+    out: Optional[_Path],
+    judged: Optional[Config],
 ) -> Path: ...
+def resolved(config: Config, overrides: Optional[Mapping[str, object]] = None) -> str:
+    """The config with all values spelled out, as TOML."""
+def solve_dense_qp(
+    p: ArrayLike,
+    q: ArrayLike,
+    g: Optional[ArrayLike] = None,
+    h: Optional[ArrayLike] = None,
+    a: Optional[ArrayLike] = None,
+    b: Optional[ArrayLike] = None,
+    lb: Optional[ArrayLike] = None,
+    ub: Optional[ArrayLike] = None,
+) -> Optional[tuple[_Array, _Array, _Array, _Array]]: ...
+def allow_processes() -> None:
+    """Lets the plant of a config be a program or an FMU from now on, which runs with your rights."""
+
+_Parts = tuple[str, Optional[str], list[str]]
+_Origin = tuple[_Parts, Optional[bytes], Optional[str]]
+
+def restore_nmpc(origin: _Origin, state: str) -> Nmpc: ...
+def restore_batch(origin: _Origin, threads: int) -> NmpcBatch: ...
+def restore_estimator(origin: _Origin, state: ArrayLike) -> Estimator: ...
+def restore_plant(source: _Parts, in_loop: bool) -> Plant: ...
+def restore_integrator(
+    source: _Parts, in_loop: bool, method: str, step_s: float, substeps: int
+) -> IntegratorModel: ...

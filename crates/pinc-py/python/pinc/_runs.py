@@ -1,22 +1,17 @@
-"""Runs of experiments, and what is in their directories."""
+"""The directories of runs, and what is in them."""
 
-import csv
 import json
 import os
-from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Optional
 
-import numpy as np
-
-from ._config import Config
+from . import _tables
 from ._errors import InputError
-from ._native import Model, run_into
+from ._native import Model
+from ._tables import Table
 
 if TYPE_CHECKING:
     import pandas
-
-Table = dict[str, np.ndarray]
 
 
 class Run:
@@ -93,18 +88,11 @@ class Run:
 
     def table(self, name: str) -> Table:
         """A table by its name, one of ``tables``."""
-        with open(self._existing(f"{name}.csv"), newline="", encoding="utf-8") as file:
-            rows = list(csv.reader(file))
-        header, cells = rows[0], rows[1:]
-        return {column: _column([row[i] for row in cells]) for i, column in enumerate(header)}
+        return _tables.read(self._existing(f"{name}.csv"))
 
     def frame(self, name: str) -> "pandas.DataFrame":
         """A table as a data frame of pandas."""
-        try:
-            import pandas
-        except ImportError as error:
-            raise ImportError("Run.frame needs the package pandas: pip install pandas") from error
-        return pandas.DataFrame(self.table(name))
+        return _tables.frame(self.table(name))
 
     def _of_loop(self, kind: str, model: Optional[str]) -> str:
         """The name of a table of a closed loop."""
@@ -129,29 +117,3 @@ class Run:
     def _json(self, name: str) -> dict[str, Any]:
         content: dict[str, Any] = json.loads(self._text(name))
         return content
-
-
-def _column(cells: list[str]) -> np.ndarray:
-    """The cells of a column as numbers, or as texts where they are none."""
-    try:
-        return np.array([float(cell) if cell else np.nan for cell in cells])
-    except ValueError:
-        return np.array(cells)
-
-
-def run(
-    config: Config,
-    out: "Optional[str | os.PathLike[str]]" = None,
-    overrides: Optional[Mapping[str, object]] = None,
-    *,
-    resume: bool = False,
-    verbose: bool = False,
-) -> Run:
-    """Runs the whole experiment of a config, as ``pinc run`` does.
-
-    The results are in the directory ``out``, by default ``runs/`` and the experiment's name. With
-    ``verbose`` its progress is shown on standard error. Ctrl-C stops it in a state from which the
-    same call with ``resume=True`` goes on. If more control steps failed than the config allows,
-    ``RunError`` is raised; the results are there all the same, for ``Run``.
-    """
-    return Run(run_into(config, out, overrides, resume, verbose))

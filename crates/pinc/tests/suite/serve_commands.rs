@@ -4,10 +4,10 @@
 use crate::common::{outcome, pinc, repository};
 use crate::ways::Served;
 use serde_json::{Value, json};
-use std::io::{BufRead, BufReader, Write};
+use std::io::{BufRead, BufReader, Read, Write};
 use std::net::TcpStream;
 use std::path::Path;
-use std::process::{Child, Stdio};
+use std::process::{Child, Command, Stdio};
 
 /// Steps before and after the restart.
 const STEPS: usize = 12;
@@ -170,10 +170,10 @@ impl Drop for AtPort {
     }
 }
 
-/// Clients of a port are served one after the other; the controller goes on from one to the next,
-/// also where one leaves in the middle of a line.
+/// One client is served at a time, and others are told so; the controller goes on from one to the
+/// next, also where one leaves in the middle of a line.
 #[test]
-fn clients_of_a_port_are_served_one_after_the_other() {
+fn one_client_of_a_port_is_served_at_a_time() {
     let config = repository("configs/van-der-pol/control.toml");
     let requests =
         [json!({ "y": [0.5, 0.1] }), json!({ "y": [0.4, 0.0] }), json!({ "y": [0.3, 0.0] })];
@@ -184,10 +184,37 @@ fn clients_of_a_port_are_served_one_after_the_other() {
     let first = TcpStream::connect(&process.address).unwrap();
     assert_eq!(AtPort::ask(&first, &requests[0])["u"], expected[0]);
     let second = TcpStream::connect(&process.address).unwrap();
+    let mut told = String::new();
+    BufReader::new(&second).read_to_string(&mut told).unwrap();
+    let told: Value = serde_json::from_str(&told).unwrap();
+    assert!(told["error"].as_str().unwrap().contains("another client"), "{told}");
     assert_eq!(AtPort::ask(&first, &requests[1])["u"], expected[1]);
     write!(&mut &first, "{{\"y\": [0.").unwrap();
     drop(first);
-    assert_eq!(AtPort::ask(&second, &requests[2])["u"], expected[2]);
+    let third = TcpStream::connect(&process.address).unwrap();
+    assert_eq!(AtPort::ask(&third, &requests[2])["u"], expected[2]);
+}
+
+/// The clients of `examples/` close a loop with the controller at a port.
+#[test]
+fn the_clients_of_the_examples_reach_the_reference() {
+    let process = AtPort::new(&repository("configs/van-der-pol/control.toml"));
+    let port = process.address.rsplit(':').next().unwrap();
+    let here = tempfile::tempdir().unwrap();
+    let program = here.path().join("client");
+    let source = repository("examples/serve-client/tcp_client.c");
+    let mut compiler = Command::new("cc");
+    let compiled = compiler.args(["-std=c99", "-Wall", "-Wextra", "-Werror", "-o"]);
+    assert!(compiled.arg(&program).arg(source).status().unwrap().success());
+    let mut python = Command::new("python3");
+    python.arg(repository("examples/serve-client/tcp_client.py"));
+    for mut client in [python, Command::new(program)] {
+        let ended = outcome(client.arg(port));
+        assert_eq!(ended.code, Some(0), "{}{}", ended.stdout, ended.stderr);
+        let last = ended.stdout.lines().last().unwrap();
+        let reached: f64 = last.rsplit(' ').next().unwrap().parse().unwrap();
+        assert!((reached + 0.5).abs() < 1e-2, "{last}");
+    }
 }
 
 #[test]

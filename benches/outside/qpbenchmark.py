@@ -1,0 +1,105 @@
+"""pinc-qp on the programs of the MPC test set, beside other solvers of qpsolvers.
+
+    pip install pinc qpsolvers daqp quadprog clarabel piqp proxsuite
+    git clone https://github.com/qpsolvers/mpc_qpbenchmark
+    python benches/outside/qpbenchmark.py mpc_qpbenchmark/data OUT.csv
+
+Each solver has the settings that qpbenchmark gives it for an accuracy: its tolerance where it has one.
+A program counts as solved if the primal residual, the dual residual and the duality gap of the answer
+are within the accuracy. Times are medians of runs taken in turn; their mean is the geometric mean of
+time + 10 s, less 10 s, as in qpbenchmark, where a program that is not solved counts as 1000 s.
+"""
+
+import csv
+import sys
+import time
+import warnings
+from pathlib import Path
+
+import numpy as np
+import qpsolvers
+
+import pinc.qp
+
+ACCURACIES = (1e-3, 1e-6, 1e-9)
+REPETITIONS = 5
+UNSOLVED_S = 1000.0
+SHIFT_S = 10.0
+
+
+def settings(solver, accuracy):
+    """The settings of a solver for an accuracy."""
+    return {
+        "clarabel": {"tol_feas": accuracy, "tol_gap_abs": accuracy, "tol_gap_rel": 0.0},
+        "daqp": {"dual_tol": accuracy, "primal_tol": accuracy},
+        "piqp": {"check_duality_gap": True, "eps_abs": accuracy, "eps_rel": 0.0,
+                 "eps_duality_gap_abs": accuracy, "eps_duality_gap_rel": 0.0},
+        "proxqp": {"check_duality_gap": True, "eps_abs": accuracy, "eps_rel": 0.0,
+                   "eps_duality_gap_abs": accuracy, "eps_duality_gap_rel": 0.0},
+    }.get(solver, {})
+
+
+def load(path):
+    """A program of the test set; conversions are not timed."""
+    data = np.load(path, allow_pickle=True)
+    parts = {key: data[key] for key in ("P", "q", "G", "h", "A", "b", "lb", "ub") if key in data}
+    return qpsolvers.Problem(**{
+        key: None if value.ndim == 0 or value.size == 0 else np.ascontiguousarray(value, float)
+        for key, value in parts.items()
+    })
+
+
+def solve(problem, solver, accuracy):
+    """Seconds, and the largest of the residuals."""
+    begun = time.perf_counter()
+    try:
+        found = qpsolvers.solve_problem(problem, solver, **settings(solver, accuracy))
+    except Exception:  # noqa: BLE001: what a solver raises is a program that it did not solve
+        return np.inf, np.inf
+    seconds = time.perf_counter() - begun
+    if not found.found:
+        return seconds, np.inf
+    residuals = found.primal_residual(), found.dual_residual(), found.duality_gap()
+    return seconds, max(residuals)
+
+
+def main():
+    pinc.qp.register()
+    warnings.simplefilter("ignore")
+    data, out = Path(sys.argv[1]), Path(sys.argv[2])
+    problems = {path.stem: load(path) for path in sorted(data.glob("*.npz"))}
+    known = ("pinc", "daqp", "quadprog", "piqp", "proxqp", "clarabel")
+    solvers = [solver for solver in known if solver in qpsolvers.available_solvers]
+    rows = []
+    for accuracy in ACCURACIES:
+        times = {(solver, name): [] for solver in solvers for name in problems}
+        worst = dict.fromkeys(times, 0.0)
+        for _ in range(REPETITIONS):
+            for name, problem in problems.items():
+                for solver in solvers:
+                    seconds, residual = solve(problem, solver, accuracy)
+                    times[solver, name].append(seconds)
+                    worst[solver, name] = max(worst[solver, name], residual)
+        for solver in solvers:
+            solved = [name for name in problems if worst[solver, name] <= accuracy]
+            seconds = [
+                float(np.median(times[solver, name])) if name in solved else UNSOLVED_S
+                for name in problems
+            ]
+            mean = np.exp(np.mean(np.log(np.array(seconds) + SHIFT_S))) - SHIFT_S
+            own = np.array([np.median(times[solver, name]) for name in solved])
+            median = 1e6 * np.median(own) if len(own) else np.nan
+            largest = max((worst[solver, name] for name in solved), default=np.nan)
+            rows.append([solver, f"{accuracy:g}", len(solved), f"{largest:.1e}",
+                         f"{median:.0f}", f"{mean:.4g}"])
+            print(*rows[-1], flush=True)
+            missed = sorted(set(problems) - set(solved))
+            if missed and solver == "pinc":
+                print("   not solved:", *missed)
+    with open(out, "w", newline="") as file:
+        writer = csv.writer(file)
+        writer.writerow(["solver", "accuracy", "solved", "largest residual", "median us", "shifted mean s"])
+        writer.writerows(rows)
+
+
+main()

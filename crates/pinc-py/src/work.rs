@@ -1,0 +1,59 @@
+//! Work that takes long: in a thread of its own, while this one looks for Ctrl-C.
+
+use crate::errors::of_run;
+use pinc_runs::{Options, RunError, Verbosity};
+use pyo3::prelude::*;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::thread;
+use std::time::Duration;
+
+/// How often signals are looked for.
+const PAUSE: Duration = Duration::from_millis(20);
+
+/// How a command is called.
+pub(crate) struct Call {
+    /// The function's name with what it works on, for the provenance.
+    pub(crate) arguments: [String; 2],
+    /// Whether it goes on from what its directory holds.
+    pub(crate) resume: bool,
+    /// Whether progress goes to standard error.
+    pub(crate) verbose: bool,
+}
+
+impl Call {
+    /// Does `work` with the interpreter released. Ctrl-C asks it to stop, in a state that can be
+    /// resumed, and is raised once it has.
+    pub(crate) fn run<T: Send>(
+        &self,
+        py: Python<'_>,
+        work: impl FnOnce(&Options<'_>) -> Result<T, RunError> + Send,
+    ) -> PyResult<T> {
+        let interrupt = AtomicBool::new(false);
+        let verbosity = if self.verbose { Verbosity::Shown } else { Verbosity::Quiet };
+        let options = Options {
+            resume: self.resume,
+            verbosity,
+            interrupt: &interrupt,
+            arguments: &self.arguments,
+        };
+        let (outcome, signal) = py.detach(|| {
+            thread::scope(|scope| {
+                let work = scope.spawn(|| work(&options));
+                let mut signal = None;
+                while !work.is_finished() {
+                    thread::sleep(PAUSE);
+                    if let Err(error) = Python::attach(|py| py.check_signals()) {
+                        interrupt.store(true, Ordering::Relaxed);
+                        signal = Some(error);
+                    }
+                }
+                (work.join(), signal)
+            })
+        });
+        match (outcome, signal) {
+            (_, Some(signal)) => Err(signal),
+            (Ok(outcome), None) => outcome.map_err(|error| of_run(&error)),
+            (Err(panic), None) => std::panic::resume_unwind(panic),
+        }
+    }
+}

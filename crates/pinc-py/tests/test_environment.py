@@ -1,0 +1,58 @@
+"""The closed loop as an environment of Gymnasium."""
+
+import sys
+import warnings
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import pinc
+
+pytest.importorskip("gymnasium")
+if sys.version_info < (3, 11):
+    pytest.skip("tomllib is part of Python 3.11", allow_module_level=True)
+from pinc.environment import LoopEnv  # noqa: E402
+
+
+def test_the_controller_in_the_environment_is_the_closed_loop(
+    smoke: Path, done: pinc.Run
+) -> None:
+    trace = done.control("rk4")
+    env, controller = LoopEnv(smoke), pinc.Nmpc(smoke, only="rk4")
+    observation, _ = env.reset(seed=1)
+    rewards, truncated, k = [], False, 0
+    u_before = 0.0
+    while not truncated:
+        x, reference = observation[:2], observation[2:]
+        assert np.abs(x - [trace["x1"][9 * k], trace["x2"][9 * k]]).max() < 1e-7
+        u = controller.step(x).u
+        assert abs(u[0] - trace["u"][9 * k]) < 1e-7
+        observation, reward, terminated, truncated, info = env.step(u)
+        error = info["x"] - reference
+        assert reward == pytest.approx(-10 * error @ error - (u[0] - u_before) ** 2)
+        u_before, k = u[0], k + 1
+        rewards.append(reward)
+        assert not terminated
+    assert k == 10 and info["t"] == 5.0
+
+
+def test_the_environment_follows_the_rules_of_gymnasium(smoke: Path) -> None:
+    from gymnasium.utils.env_checker import check_env
+
+    env = LoopEnv(smoke, spread=0.1, noise_sd=0.01)
+    with warnings.catch_warnings():
+        # States have no limits.
+        warnings.filterwarnings("ignore", message=".*infinity.*")
+        warnings.filterwarnings("ignore", message=".*symmetric and normalized.*")
+        check_env(env, skip_render_check=True)
+    first, _ = env.reset(seed=3)
+    again, _ = env.reset(seed=3)
+    assert np.array_equal(first, again)
+    given, _ = env.reset(options={"x": [0.2, 0.3]})
+    assert np.abs(given[:2] - [0.2, 0.3]).max() < 0.1
+    env.reset(options={"x": [0.0, 0.0]})
+    *_, info = env.step(np.array([7.0]))
+    assert info["x"] == pytest.approx(
+        pinc.Plant(smoke).simulate([0.0, 0.0], [1.0])[1], abs=1e-9
+    )
