@@ -29,6 +29,7 @@
 #![forbid(unsafe_code)]
 
 mod basis;
+mod branching;
 mod chebyshev;
 mod elementary;
 mod equation;
@@ -40,6 +41,7 @@ mod growth;
 mod interval;
 mod kernel;
 mod map;
+mod parts;
 mod points;
 mod polynomial;
 mod problem;

@@ -210,23 +210,29 @@ impl StepError {
         let ratios = in_parallel(&points, threads, ratio);
         let mut order: Vec<usize> = (0..points.len()).collect();
         order.sort_by(|a, b| ratios[*b].total_cmp(&ratios[*a]));
-        let climbed = self.largest(domain, &points, EFFORT, threads).into_iter();
+        let climbed =
+            self.largest(domain, &points, &vec![true; self.states()], EFFORT, threads).into_iter();
         let climbed = climbed.map(|found| found.at);
         let worst = order.into_iter().take(count).map(|i| points[i].clone());
         climbed.chain(worst).collect()
     }
 
-    /// The largest error of each state among `points`, and where searches from the worst of them
-    /// end. The search is in plain arithmetic; what it ends at is enclosed.
+    /// The largest error of each of the `judged` states among `points`, and where searches from the
+    /// worst of them end; 0 for the other states. The search is in plain arithmetic; what it ends at is
+    /// enclosed.
     pub(crate) fn largest(
         &self,
         domain: &[[f64; 2]],
         points: &[Vec<f64>],
+        judged: &[bool],
         effort: (usize, usize),
         threads: usize,
     ) -> Vec<Largest> {
         let rough = in_parallel(points, threads, |point| self.rough(point));
         let of_state = |state: usize| {
+            if !judged[state] {
+                return Largest { error: 0.0, at: points[0].clone() };
+            }
             let mut order: Vec<usize> = (0..points.len()).collect();
             order.sort_by(|a, b| rough[*b][state].total_cmp(&rough[*a][state]));
             let starts: Vec<usize> = order.into_iter().take(STARTS).collect();

@@ -35,7 +35,7 @@ pub enum StepModel<'a> {
 pub struct StepError {
     pub(crate) flow: Flow,
     pub(crate) map: Map,
-    variables: usize,
+    pub(crate) variables: usize,
     isa: Isa,
 }
 

@@ -5,7 +5,7 @@ use crate::search::{Search, SearchSettings};
 
 /// The work that a [small proof](StepError::small_proof) may take: coefficients of boxes, each times
 /// the steps of its flow.
-pub const SMALL_PROOF: u64 = 400_000;
+pub const SMALL_PROOF: u64 = 600_000;
 
 /// How much larger than the largest error found the bounds of a small proof may be.
 const RATIO: f64 = 1.25;

@@ -1,10 +1,10 @@
-//! Branch and bound: the largest error of a step over a whole box, from both sides.
+//! The largest error of a step over a whole box, from both sides.
 
+use crate::branching::PartSearch;
 use crate::error::VerifyError;
-use crate::points::{EFFORT, Largest, spread};
-use crate::problem::{BoxError, Enclosing, MOST_VARIABLES, StepError, TOGETHER};
-use crate::rounding::up;
-use crate::workers::in_parallel;
+use crate::parts::{Part, Places};
+use crate::points::{EFFORT, Largest};
+use crate::problem::StepError;
 use serde::{Deserialize, Serialize};
 
 /// How a domain is searched.
@@ -41,21 +41,13 @@ impl Default for SearchSettings {
     }
 }
 
-/// A part of the domain.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+/// A box of the domain, and what is proven in it of the states of one part.
+#[derive(Clone, Debug, PartialEq)]
 pub struct Leaf {
     /// The ends of all states, inputs and parameters.
     pub ends: Vec<[f64; 2]>,
-    /// A proven bound of each state's error in it; none where nothing is known.
-    pub bound: Vec<Option<f64>>,
-    /// The variable in which it is cut next.
-    cut: usize,
-    /// Steps of the flow.
-    steps: usize,
-    /// What the flow's polynomial misses, for the state that is furthest from its goal.
-    flow: Option<f64>,
-    /// Cuts from the whole domain.
-    depth: usize,
+    /// States, and a proven bound of the error of each; none where nothing is known.
+    pub bounds: Vec<(usize, Option<f64>)>,
 }
 
 /// What is known of the errors of one step over a domain.
@@ -65,7 +57,7 @@ pub struct Bracket {
     pub found: Vec<Largest>,
     /// Proven bounds of the errors of each state, wherever there are any.
     pub proven: Vec<f64>,
-    /// The share of the domain in which nothing is proven.
+    /// The share of the domain in which nothing is proven of some state, at most.
     pub unproven_volume: f64,
     /// Whether the bounds are within the ratio asked for, everywhere.
     pub is_complete: bool,
@@ -79,33 +71,14 @@ pub struct Bracket {
 
 /// A search in progress: it can be stopped after any round, stored and taken up again.
 ///
-/// A round encloses the same boxes whatever the number of threads, so that the result depends on
+/// States that do not depend on all variables are searched apart, over the variables that they depend
+/// on. A round encloses the same boxes whatever the number of threads, so that the result depends on
 /// the number of rounds alone.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Search {
-    settings: SearchSettings,
     domain: Vec<[f64; 2]>,
-    found: Vec<Largest>,
-    /// Leaves that are not good enough yet.
-    open: Vec<Leaf>,
-    /// Leaves that are.
-    closed: Vec<Leaf>,
-    boxes: u64,
-    /// Coefficients of all boxes, each times the steps of its flow.
-    work: u64,
+    parts: Vec<(Places, PartSearch)>,
 }
-
-/// Leaves that are cut in a round, at most.
-const ROUND: usize = 512;
-
-/// Cuts after which a leaf of which nothing is known is left alone.
-const DEEPEST: usize = 60;
-
-/// The part of a goal that what is missing in the flow of a point may take.
-const FLOW_SHARE: f64 = 2e-2;
-
-/// Errors below this part of a state's range are rounding.
-const NEGLIGIBLE: f64 = 1e-11;
 
 impl Search {
     /// Looks for large errors in a sample of the domain, `[low, high]` of each state, input and
@@ -113,8 +86,8 @@ impl Search {
     ///
     /// # Errors
     ///
-    /// [`VerifyError::TooManyVariables`], or [`VerifyError::Domain`] if there is not one range per
-    /// variable.
+    /// [`VerifyError::TooManyVariables`] if a state depends on more than can be searched, or
+    /// [`VerifyError::Domain`] if there is not one range per variable.
     pub fn new(
         error: &StepError,
         domain: &[[f64; 2]],
@@ -122,88 +95,38 @@ impl Search {
         threads: usize,
     ) -> Result<Self, VerifyError> {
         let variables = error.variables();
-        if variables > MOST_VARIABLES {
-            return Err(VerifyError::TooManyVariables { found: variables });
-        }
         if domain.len() != variables {
             return Err(VerifyError::Domain { found: domain.len(), expected: variables });
         }
-        let points = spread(domain, settings.points, settings.seed);
-        let effort = (settings.moves, settings.most_steps);
-        let found = error.largest(domain, &points, effort, threads);
-        let mut search = Self {
-            settings,
-            domain: domain.to_vec(),
-            found,
-            open: Vec::new(),
-            closed: Vec::new(),
-            boxes: 0,
-            work: 0,
+        let search = |part: Part| {
+            let ends = part.places.pick(domain);
+            let tolerance = settings.tolerance.as_ref();
+            let tolerance = tolerance.map(|all| part.places.pick_states(all));
+            let settings = SearchSettings { tolerance, ..settings.clone() };
+            let search = PartSearch::new(&part, ends, settings, threads)?;
+            Ok((part.places, search))
         };
-        let allowed: Vec<f64> = search.goals().iter().map(|goal| FLOW_SHARE * goal).collect();
-        // The last ones are corners.
-        let hard: Vec<Vec<f64>> = points.into_iter().rev().take(160).collect();
-        let most = search.settings.most_steps;
-        let steps = error.steps_for((search.order(), most), &hard, &allowed, threads);
-        let whole = Leaf {
-            ends: domain.to_vec(),
-            bound: vec![None; error.states()],
-            cut: 0,
-            steps,
-            flow: None,
-            depth: 0,
-        };
-        search.enclose(error, vec![whole], threads);
-        Ok(search)
-    }
-
-    /// The degree of the polynomials.
-    fn degree(&self) -> usize {
-        self.settings.degree.unwrap_or(match self.domain.len() {
-            0..=2 => 8,
-            3 => 6,
-            4 => 5,
-            _ => 4,
-        })
-    }
-
-    /// Powers of the time.
-    fn order(&self) -> usize {
-        self.degree() + 2
-    }
-
-    /// What each state's bound has to come down to.
-    fn goals(&self) -> Vec<f64> {
-        if let Some(tolerance) = &self.settings.tolerance {
-            return tolerance.clone();
-        }
-        let pairs = self.found.iter().zip(&self.domain);
-        pairs
-            .map(|(largest, [low, high])| {
-                (self.settings.ratio * largest.error).max(NEGLIGIBLE * (high - low))
-            })
-            .collect()
+        let parts = error.parts().into_iter().map(search).collect::<Result<_, _>>()?;
+        Ok(Self { domain: domain.to_vec(), parts })
     }
 
     /// Whether every bound is within the ratio of what was found, or cannot get any better.
     #[must_use]
     pub fn is_over(&self) -> bool {
-        self.open.iter().all(|leaf| leaf.depth >= DEEPEST)
+        self.parts.iter().all(|(_, part)| part.is_over())
     }
 
     /// Whether an error was found that is beyond its tolerance: then no proof is possible.
     #[must_use]
     pub fn is_refuted(&self) -> bool {
-        let tolerance = self.settings.tolerance.iter().flatten();
-        self.found.iter().zip(tolerance).any(|(found, tolerance)| found.error > *tolerance)
+        self.parts.iter().any(|(_, part)| part.is_refuted())
     }
 
     /// The work that is done, and about what one more round adds: the coefficients of boxes, each
     /// times the steps of its flow.
     pub(crate) fn work_after_a_round(&self, error: &StepError) -> u64 {
-        let halves = self.open.iter().take(ROUND).map(|leaf| 2 * leaf.steps as u64);
-        let over = error.enclosing(self.degree(), self.order());
-        self.work + over.coefficients() as u64 * halves.sum::<u64>()
+        let parts = self.parts.iter().zip(error.parts());
+        parts.map(|((_, search), part)| search.work_after_a_round(&part.error)).sum()
     }
 
     /// Cuts the worst leaves.
@@ -212,196 +135,51 @@ impl Search {
     ///
     /// If `error` has other variables than the domain.
     pub fn round(&mut self, error: &StepError, threads: usize) {
-        let goals = self.goals();
-        let (close, mut open) = std::mem::take(&mut self.open)
-            .into_iter()
-            .partition(|leaf| excess(leaf, &goals) <= 1.0);
-        let mut close: Vec<Leaf> = close;
-        self.closed.append(&mut close);
-        // Where nothing is known the largest come first; elsewhere those furthest from the goal.
-        let unknown = |leaf: &Leaf| excess(leaf, &goals).is_infinite();
-        let order = |leaf: &Leaf| if unknown(leaf) { volume(leaf) } else { excess(leaf, &goals) };
-        open.sort_by(|a: &Leaf, b: &Leaf| order(b).total_cmp(&order(a)));
-        let most = [ROUND / 2, ROUND - ROUND / 2];
-        let mut taken = [0, 0];
-        let (cut, left): (Vec<Leaf>, Vec<Leaf>) = open.into_iter().partition(|leaf| {
-            let kind = usize::from(unknown(leaf));
-            let take = leaf.depth < DEEPEST && taken[kind] < most[kind];
-            taken[kind] += usize::from(take);
-            take
-        });
-        self.open = left;
-        let halves = cut.iter().flat_map(Leaf::halves).collect();
-        self.enclose(error, halves, threads);
-    }
-
-    /// Encloses leaves with what is known of their parents and puts them where they belong.
-    fn enclose(&mut self, error: &StepError, mut leaves: Vec<Leaf>, threads: usize) {
-        let over = error.enclosing(self.degree(), self.order());
-        let goals = self.goals();
-        leaves.sort_by_key(|leaf| leaf.steps);
-        let batches: Vec<&[Leaf]> = leaves
-            .chunk_by(|a, b| a.steps == b.steps)
-            .flat_map(|same| same.chunks(TOGETHER))
-            .collect();
-        let judged = in_parallel(&batches, threads, |batch| {
-            let boxes: Vec<&[[f64; 2]]> = batch.iter().map(|leaf| &leaf.ends[..]).collect();
-            let found = error.enclose(&over, &boxes, batch[0].steps);
-            let pairs = batch.iter().zip(&found);
-            let most = self.settings.most_steps;
-            pairs.map(|(leaf, found)| judge((&over, most), leaf, found, &goals)).collect::<Vec<_>>()
-        });
-        self.boxes += leaves.len() as u64;
-        let steps = leaves.iter().map(|leaf| leaf.steps as u64).sum::<u64>();
-        self.work += over.coefficients() as u64 * steps;
-        let judged: Vec<(Leaf, Vec<f64>)> = judged.into_iter().flatten().collect();
-        self.look_at(error, &judged);
-        let goals = self.goals();
-        for (leaf, _) in judged {
-            let good = excess(&leaf, &goals) <= 1.0;
-            if good { &mut self.closed } else { &mut self.open }.push(leaf);
-        }
-    }
-
-    /// Searches from the middles of leaves in which an error is larger than the largest found.
-    fn look_at(&mut self, error: &StepError, judged: &[(Leaf, Vec<f64>)]) {
-        for state in 0..error.states() {
-            let largest = judged.iter().max_by(|a, b| a.1[state].total_cmp(&b.1[state]));
-            let Some((leaf, least)) = largest else { return };
-            if least[state] > self.found[state].error * (1.0 + 1e-6) {
-                let at: Vec<f64> =
-                    leaf.ends.iter().map(|[low, high]| 0.5 * low + 0.5 * high).collect();
-                let effort = (self.settings.moves, self.settings.most_steps);
-                let found = error.climb(&self.domain, &at, state, effort);
-                if found.error > self.found[state].error {
-                    self.found[state] = found;
-                }
+        for ((_, search), part) in self.parts.iter_mut().zip(error.parts()) {
+            if !search.is_over() {
+                search.round(&part.error, threads);
             }
         }
     }
 
-    /// The leaves, whose boxes make up the domain.
-    pub fn leaves(&self) -> impl Iterator<Item = &Leaf> {
-        self.open.iter().chain(&self.closed)
+    /// The leaves. For each state, the boxes of those that bound it make up the domain.
+    pub fn leaves(&self) -> impl Iterator<Item = Leaf> {
+        self.parts.iter().flat_map(|(places, search)| {
+            search.leaves().map(|leaf| {
+                let mut ends = self.domain.clone();
+                places.put(&leaf.ends, &mut ends);
+                let bound = |(state, at): (usize, usize)| (state, leaf.bound[at]);
+                Leaf { ends, bounds: places.states().map(bound).collect() }
+            })
+        })
     }
 
     /// What is known so far.
     #[must_use]
     pub fn bracket(&self) -> Bracket {
-        let goals = self.goals();
-        let mut proven = vec![0.0_f64; goals.len()];
-        let (mut unproven, mut leaves, mut settled) = (0.0, 0, 0);
-        for leaf in self.leaves() {
-            leaves += 1;
-            settled += usize::from(excess(leaf, &goals) <= 1.0);
-            let known: Option<Vec<f64>> = leaf.bound.iter().copied().collect();
-            match known {
-                Some(known) => {
-                    proven.iter_mut().zip(known).for_each(|(most, bound)| *most = most.max(bound));
-                }
-                None => unproven += volume(leaf),
-            }
+        let middle: Vec<f64> =
+            self.domain.iter().map(|[low, high]| 0.5 * low + 0.5 * high).collect();
+        let parts: Vec<(&Places, Bracket)> =
+            self.parts.iter().map(|(places, search)| (places, search.bracket())).collect();
+        let mut states: Vec<(usize, Largest, f64)> = Vec::new();
+        for (places, part) in &parts {
+            states.extend(places.states().map(|(state, at)| {
+                let mut found = Largest { at: middle.clone(), ..part.found[at] };
+                places.put(&part.found[at].at, &mut found.at);
+                (state, found, part.proven[at])
+            }));
         }
-        let whole: f64 = self.domain.iter().map(|[low, high]| high - low).product();
+        states.sort_by_key(|(state, _, _)| *state);
+        let sum = |of: fn(&Bracket) -> usize| parts.iter().map(|(_, part)| of(part)).sum();
+        let unproven: f64 = parts.iter().map(|(_, part)| part.unproven_volume).sum();
         Bracket {
-            found: self.found.clone(),
-            proven,
-            unproven_volume: unproven / whole,
-            is_complete: settled == leaves,
-            leaves,
-            settled,
-            boxes: self.boxes,
+            proven: states.iter().map(|(_, _, proven)| *proven).collect(),
+            found: states.into_iter().map(|(_, found, _)| found).collect(),
+            unproven_volume: unproven.min(1.0),
+            is_complete: parts.iter().all(|(_, part)| part.is_complete),
+            leaves: sum(|part| part.leaves),
+            settled: sum(|part| part.settled),
+            boxes: parts.iter().map(|(_, part)| part.boxes).sum(),
         }
     }
-}
-
-impl Leaf {
-    /// Its two halves, with what is known of it.
-    fn halves(&self) -> [Self; 2] {
-        let [low, high] = self.ends[self.cut];
-        let middle = 0.5 * low + 0.5 * high;
-        [[low, middle], [middle, high]].map(|ends| {
-            let mut half = self.clone();
-            half.ends[self.cut] = ends;
-            half.depth += 1;
-            half
-        })
-    }
-
-    /// Where nothing is known: the states one after the other, and now and then the rest.
-    fn next_in_turn(&self, states: usize) -> usize {
-        let rest = self.ends.len() - states;
-        match self.depth % (3 * states + rest) {
-            turn if turn < 3 * states => turn % states,
-            turn => turn - 2 * states,
-        }
-    }
-}
-
-fn volume(leaf: &Leaf) -> f64 {
-    leaf.ends.iter().map(|[low, high]| high - low).product()
-}
-
-/// The largest ratio of a bound to its goal; infinite where nothing is known.
-fn excess(leaf: &Leaf, goals: &[f64]) -> f64 {
-    let of = |(bound, goal): (&Option<f64>, &f64)| match bound {
-        _ if goal.is_infinite() => 0.0,
-        Some(bound) => bound / goal,
-        None => f64::INFINITY,
-    };
-    leaf.bound.iter().zip(goals).map(of).fold(0.0, f64::max)
-}
-
-/// The leaf with the bounds that follow from its enclosure, and what each state's error is in it at
-/// least.
-fn judge(
-    (over, most_steps): (&Enclosing, usize),
-    leaf: &Leaf,
-    found: &BoxError,
-    goals: &[f64],
-) -> (Leaf, Vec<f64>) {
-    let mut judged = leaf.clone();
-    let mut least = vec![0.0; goals.len()];
-    for (state, goal) in goals.iter().enumerate() {
-        let missing = up(found.of_map[state] + found.of_flow[state]);
-        if !missing.is_finite() {
-            continue;
-        }
-        let bounds = over.cuts.bound(&found.polynomials[state], goal - missing);
-        let bound = up(bounds.most + missing);
-        if bound.is_finite() {
-            let before = leaf.bound[state].unwrap_or(f64::INFINITY);
-            judged.bound[state] = Some(bound.min(before));
-            least[state] = (bounds.least - missing).max(0.0);
-        }
-    }
-    plan((over, most_steps), &mut judged, found, goals);
-    (judged, least)
-}
-
-/// Decides how a leaf is cut, should it be: in the variable that drives what keeps the worst state
-/// from its goal. Where that is the flow's remainder and a cut did not help, it needs more steps.
-fn plan((over, most_steps): (&Enclosing, usize), leaf: &mut Leaf, found: &BoxError, goals: &[f64]) {
-    let ratio = |i: usize| leaf.bound[i].map_or(f64::INFINITY, |bound| bound / goals[i]);
-    let worst = (0..goals.len()).max_by(|a, b| ratio(*a).total_cmp(&ratio(*b))).unwrap_or(0);
-    let (map, flow) = (found.of_map[worst], found.of_flow[worst]);
-    let limits = flow > map && flow > 0.3 * goals[worst];
-    if limits && leaf.steps < most_steps && leaf.flow.is_some_and(|before| flow > before / 1.5) {
-        leaf.steps *= 2;
-        leaf.flow = None;
-    } else {
-        leaf.flow = flow.is_finite().then_some(flow);
-    }
-    let changes = match map + flow {
-        missing if missing <= 0.3 * goals[worst] => {
-            over.cuts.changes(&found.polynomials[worst].coefficients, 1)
-        }
-        _ if flow > map => found.drives[1].clone(),
-        _ => found.drives[0].clone(),
-    };
-    let most = (0..changes.len()).max_by(|a, b| changes[*a].total_cmp(&changes[*b]));
-    let known = changes.iter().all(|change| change.is_finite()) && ratio(worst).is_finite();
-    let useful = known && changes.iter().any(|change| *change > 0.0);
-    let most = most.filter(|_| useful).or(found.obstacle);
-    leaf.cut = most.unwrap_or_else(|| leaf.next_in_turn(goals.len()));
 }

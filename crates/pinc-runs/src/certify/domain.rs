@@ -81,14 +81,13 @@ fn write(run_dir: &RunDir, key: &str, search: &Search) -> Result<(), RunError> {
 
 /// The proven bounds over the domain as a picture.
 fn map(subject: &Subject, search: &Search) -> Option<String> {
-    let widths = || subject.domain.iter().map(|[low, high]| high - low);
+    let widths: Vec<f64> = subject.domain.iter().map(|[low, high]| high - low).collect();
     let in_widths = |leaf: &Leaf| {
-        let bounds = leaf.bound.iter().zip(widths());
-        bounds.map(|(bound, width)| Some((*bound)? / width)).reduce(|a, b| Some(a?.max(b?)))?
+        let bounds = leaf.bounds.iter().map(|(state, bound)| Some((*bound)? / widths[*state]));
+        bounds.reduce(|a, b| Some(a?.max(b?)))?
     };
-    let boxes =
-        search.leaves().map(|leaf| ValuedBox { ends: leaf.ends.clone(), value: in_widths(leaf) });
-    let boxes: Vec<ValuedBox> = boxes.collect();
+    let valued = |leaf: Leaf| ValuedBox { value: in_widths(&leaf), ends: leaf.ends };
+    let boxes: Vec<ValuedBox> = search.leaves().map(valued).collect();
     let labels = MapLabels {
         title: "Proven error of one step",
         value: "log₁₀ of the proven bound (widths)",

@@ -3,7 +3,7 @@
 use crate::support::{ends, equations, fresh_net, lattice, net_model, rk4, truth};
 use pinc_expr::PlantEquations;
 use pinc_net::Domain;
-use pinc_ode::{DynRhs, Model, Tableau};
+use pinc_ode::{DynRhs, Integrator, Model, Tableau};
 use pinc_plants::VanDerPol;
 use pinc_verify::{Bracket, Search, SearchSettings, StepError, StepModel, VerifyError};
 
@@ -42,7 +42,7 @@ fn check_against_truth(
     let whole: Vec<[f64; 2]> = search.leaves().fold(Vec::new(), |hull, leaf| {
         let pairs = hull.iter().zip(&leaf.ends);
         let wider = |(a, b): (&[f64; 2], &[f64; 2])| [a[0].min(b[0]), a[1].max(b[1])];
-        if hull.is_empty() { leaf.ends.clone() } else { pairs.map(wider).collect() }
+        if hull.is_empty() { leaf.ends } else { pairs.map(wider).collect() }
     });
     for point in lattice(&whole, 1500) {
         let inside = |ends: &[[f64; 2]]| {
@@ -50,7 +50,9 @@ fn check_against_truth(
         };
         let leaf = search.leaves().find(|leaf| inside(&leaf.ends)).expect("all is covered");
         for (i, error) in truth(plant, model, &point).into_iter().enumerate() {
-            let bound = leaf.bound[i].unwrap_or(f64::INFINITY);
+            let (state, bound) = leaf.bounds[i];
+            let bound = bound.unwrap_or(f64::INFINITY);
+            assert_eq!(state, i, "the oscillator has one part");
             assert!(error.abs() <= bound + 1e-10, "{point:?}: {error} {bound}");
             largest[i] = largest[i].max(error.abs());
         }
@@ -162,6 +164,35 @@ fn what_is_not_smooth_is_unproven() {
     let error = StepError::new(&kink, &[], 1, model, 0.5).unwrap();
     let bracket = search(&error, &[[0.0, 1.0], [0.0, 0.2]], 1.5, 12).bracket();
     assert!(bracket.unproven_volume > 0.001 && !bracket.is_complete, "{bracket:?}");
+}
+
+/// A state is searched over the variables that it depends on; what is found of each is put together.
+#[test]
+fn states_that_need_fewer_variables_are_searched_over_these() {
+    let chain = equations(&[("x", "u - x - 0.2*x^3"), ("y", "x - 2*sin(y)")]);
+    let plant = chain.to_dyn().unwrap();
+    let mut model = plant.model(Integrator::Rk4, 0.5, 1).unwrap();
+    let step = StepModel::RungeKutta(Tableau::CLASSICAL, 1);
+    let error = StepError::new(&chain, &[], 1, step, 0.5).unwrap();
+    let domain = [[-1.0, 1.0], [-2.0, 3.0], [-1.0, 1.0]];
+    let search = search(&error, &domain, 1.2, 60);
+    let bracket = search.bracket();
+    assert!(bracket.is_complete && bracket.unproven_volume == 0.0, "{bracket:?}");
+    for (i, found) in bracket.found.iter().enumerate() {
+        let at = truth(&*plant, &mut *model, &found.at)[i].abs();
+        assert!((at / found.error - 1.0).abs() < 0.03, "{at} {found:?}");
+        assert!(bracket.proven[i] >= at && bracket.proven[i] <= 1.21 * at, "{bracket:?}");
+    }
+    let (first, both): (Vec<_>, Vec<_>) =
+        search.leaves().partition(|leaf| leaf.bounds.iter().any(|(state, _)| *state == 0));
+    let is_whole = |[low, high]: [f64; 2]| (high - low - 5.0).abs() < 1e-12;
+    assert!(first.iter().all(|leaf| leaf.bounds.len() == 1 && is_whole(leaf.ends[1])));
+    assert!(both.iter().all(|leaf| leaf.bounds[0].0 == 1));
+    for leaves in [first, both] {
+        let volume = |ends: &[[f64; 2]]| ends.iter().map(|[l, h]| h - l).product::<f64>();
+        let sum: f64 = leaves.iter().map(|leaf| volume(&leaf.ends)).sum();
+        assert!((sum / volume(&domain) - 1.0).abs() < 1e-12, "{sum}");
+    }
 }
 
 /// Parameters of a family are variables as the others.

@@ -83,14 +83,18 @@ fn model_of(case: &Case, plant: &dyn DynPlant) -> (Option<PincNet>, Box<dyn Mode
     }
 }
 
-/// The largest ratio of an error to the bound of its leaf.
-fn ratio(leaves: &[&Leaf], errors: &[f64], point: &[f64]) -> f64 {
+/// The largest ratio of an error to the bounds of the leaves that hold the point.
+fn ratio(leaves: &[Leaf], errors: &[f64], point: &[f64]) -> f64 {
     let inside =
-        |leaf: &&&Leaf| leaf.ends.iter().zip(point).all(|([low, high], v)| low <= v && v <= high);
-    let leaf = leaves.iter().find(inside).expect("the leaves cover the domain");
-    let bounds = leaf.bound.iter().zip(errors);
-    // What the integration is off by is no error of the model.
-    bounds.map(|(bound, e)| e.abs() / (bound.unwrap_or(f64::INFINITY) + 1e-11)).fold(0.0, f64::max)
+        |leaf: &&Leaf| leaf.ends.iter().zip(point).all(|([low, high], v)| low <= v && v <= high);
+    let mut ratios = vec![None; errors.len()];
+    for (state, bound) in leaves.iter().filter(inside).flat_map(|leaf| &leaf.bounds) {
+        // What the integration is off by is no error of the model.
+        let ratio = errors[*state].abs() / (bound.unwrap_or(f64::INFINITY) + 1e-11);
+        ratios[*state] = Some(ratio.max(ratios[*state].unwrap_or(0.0)));
+    }
+    let covered = |ratio: Option<f64>| ratio.expect("the leaves of each state cover the domain");
+    ratios.into_iter().map(covered).fold(0.0, f64::max)
 }
 
 #[test]
@@ -115,7 +119,7 @@ fn no_error_is_above_the_bound_of_its_box() {
                 search.round(&error, 2);
             }
         }
-        let leaves: Vec<&Leaf> = search.leaves().collect();
+        let leaves: Vec<Leaf> = search.leaves().collect();
         let mut of = |point: &[f64]| ratio(&leaves, &truth(&*plant, &mut *model, point), point);
         let points = lattice(&case.domain, count());
         let mut largest = 0.0_f64;
