@@ -234,7 +234,7 @@ impl Experiment {
     }
 
     /// The parameters of the models in the loop: those that vary, those that an estimator
-    /// estimates, and those of scenarios.
+    /// estimates, and what scenarios vary.
     #[must_use]
     pub fn loop_parameters(&self) -> LoopParameters<'_> {
         let (mut names, mut values) = (self.varying(), self.model_parameters());
