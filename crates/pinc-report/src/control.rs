@@ -122,7 +122,7 @@ impl Loops<'_> {
                 points(table, quantity, place)
             });
         }
-        for (name, place) in places() {
+        for (name, place) in places().rev() {
             self.add_beneath(&mut panel, name, |table| points(table, quantity, place));
         }
         if states.iter().any(|state| self.variables.controlled.contains(state)) {
@@ -168,7 +168,7 @@ impl Loops<'_> {
         for (name, i) in places() {
             self.add_curve(&mut panel, name, input_color(i), |table| steps(table, i));
         }
-        for (name, i) in places() {
+        for (name, i) in places().rev() {
             self.add_beneath(&mut panel, name, |table| steps(table, i));
         }
         for (name, i) in places() {
@@ -195,14 +195,15 @@ impl Loops<'_> {
         panel.add_named(&label, points, Style::new(color, Shape::Line(1.8)));
     }
 
-    /// Adds a variable's curves with the other models, broad and light beneath what is there.
+    /// Adds a variable's curves with the other models, broad and light beneath what is there: the last
+    /// one first, so that legends have the models' order.
     fn add_beneath(
         &self,
         panel: &mut Panel,
         variable: &str,
         curve: impl Fn(&ControlTrace) -> Vec<Point>,
     ) {
-        for of in &self.traces[1..] {
+        for of in self.traces[1..].iter().rev() {
             let label = format!("with {}", self.run.model_name(of.model));
             let style = Style::new(AMBER, Shape::Line(5.0)).faint(0.55);
             panel.add_beneath(&label, &format!("{variable} {label}"), curve(&of.table), style);
