@@ -372,20 +372,19 @@ fn loops_are_drawn_over_time_in_the_units_of_their_states() {
 #[test]
 fn bounds_that_change_are_drawn_as_they_change() {
     let dir = whole();
-    let changes = "[{ start_s = 20.0, state_high = { a = 1.5 }, input_low = { u = 0.5 } }]";
+    let changes = "[{ start_s = 20.0, state_high = { a = 1.5 }, state_low = { b = -0.5 } }]";
     let schedule = format!("bound_schedule = {changes}\n[control.sqp]");
     write(&dir, "config.toml", &CONFIG.replace("[control.sqp]", &schedule));
-    let picture = svg(dir.path(), "control");
-    for (title, before, after) in [("Controlled states", 1.0, 1.5), ("Inputs", -1.0, 0.5)] {
-        let plot = Plot::read(&picture, title);
-        let limits = plot.lines("limits");
-        // The corners of the bound that changes; the constant ones are levels.
+    let plot = Plot::read(&svg(dir.path(), "control"), "Controlled states");
+    let limits = plot.lines("limits");
+    for (before, after) in [(1.0, 1.5), (-1.0, -0.5)] {
+        // The corners of a bound that changes; the constant ones are levels.
         let corners = [(0.0, before), (20.0, before), (20.0, after), (50.0, after)];
         let near = |(a, b): (&(f64, f64), &(f64, f64))| {
             (a.0 - b.0).abs() < 0.1 && (a.1 - b.1).abs() < plot.tolerance
         };
         let drawn = |line: &Vec<_>| line.len() == 4 && line.iter().zip(&corners).all(near);
-        assert!(limits.iter().any(drawn), "{title}: {limits:?}");
+        assert!(limits.iter().any(drawn), "{after}: {limits:?}");
     }
 }
 
