@@ -5,11 +5,12 @@
 //!   `.ci/numbers` has to know of the table is in a file beside it with the ending `numbers`.
 //! - The line `<!-- config keys -->` stands for the sections of a config.
 //! - The line `<!-- metrics -->` stands for the table of metrics, `<!-- crates -->` for a table of the
-//!   crates with their descriptions.
+//!   crates with their descriptions, `<!-- modules -->` for tables of their modules.
 
 mod defaults;
 mod keys;
 mod metrics;
+mod modules;
 mod tables;
 mod types;
 
@@ -39,6 +40,7 @@ pub fn page(path: &Path) -> Result<String, String> {
             ("<!-- config keys -->", _) => keys::sections(),
             ("<!-- metrics -->", _) => metrics::table(),
             ("<!-- crates -->", _) => crates()?,
+            ("<!-- modules -->", _) => modules::tables()?,
             (_, Some(link)) => tables::unfolded(folder, line, link)?,
             _ => format!("{line}\n"),
         };

@@ -60,7 +60,7 @@ impl Growth {
 }
 
 impl TimeScales {
-    /// Those of a plant with these eigenvalues.
+    /// Returns the time scales of a plant with these eigenvalues.
     #[must_use]
     pub fn of(modes: &[Complex]) -> Self {
         let fastest = modes.iter().map(|mode| mode.abs()).fold(0.0, f64::max);

@@ -15,8 +15,8 @@ use crate::{Complex, StateSpace, TransmissionZeros};
 use faer::Mat;
 use faer::linalg::solvers::Solve;
 
-/// Singular values below this share of the system matrix count as 0. Those of the rounding of
-/// orthogonal transformations are near 1e-15; a coupling of variables in like units that is weaker
+/// Singular values below this share of the system matrix count as 0. Rounding in orthogonal
+/// transformations leaves values near 1e-15; a coupling of variables in like units that is weaker
 /// has no effect.
 const RANK: f64 = 1e-12;
 

@@ -144,7 +144,7 @@ impl BoxMap<'_> {
     }
 }
 
-/// The smallest value that is told from none.
+/// The smallest value that differs visibly from none.
 const LEAST: f64 = 1e-16;
 
 /// The cells of a range that a part of it covers, at least one.

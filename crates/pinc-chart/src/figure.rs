@@ -281,17 +281,30 @@ impl Panel {
     /// Adds limits and their line in the legend, leaving out those that lie so far away that the
     /// curves would be squeezed.
     pub fn add_limits(&mut self, label: &str, limits: &[f64]) {
-        let everywhere = (f64::NEG_INFINITY, f64::INFINITY);
-        let Some(curves) = Scale::around(self.y.kind, self.heights(everywhere)) else {
-            return;
-        };
-        let near = |v: &f64| curves.fraction(*v).is_some_and(|f| (-1.5..=2.5).contains(&f));
-        for &limit in limits.iter().filter(|v| near(v)) {
+        let near: Vec<f64> = limits.iter().copied().filter(|v| self.is_near(*v)).collect();
+        for limit in near {
             if !self.limits.iter().any(|v| v.total_cmp(&limit).is_eq()) {
                 self.limits.push(limit);
             }
             self.key(label, Look::Curve(limit_style()));
         }
+    }
+
+    /// Adds a limit that changes, beneath the series that are there. Where it lies so far away that
+    /// the curves would be squeezed, it has a gap.
+    pub fn add_changing_limit(&mut self, label: &str, name: &str, mut points: Vec<Point>) {
+        let seen = |p: &Point| if self.is_near(p.1) { p.1 } else { f64::NAN };
+        let seen: Vec<f64> = points.iter().map(seen).collect();
+        points.iter_mut().zip(seen).for_each(|(point, y)| point.1 = y);
+        self.add_beneath(label, name, points, limit_style());
+    }
+
+    /// Whether a height lies within reach of the curves.
+    fn is_near(&self, height: f64) -> bool {
+        let everywhere = (f64::NEG_INFINITY, f64::INFINITY);
+        let curves = Scale::around(self.y.kind, self.heights(everywhere));
+        let fraction = curves.and_then(|curves| curves.fraction(height));
+        fraction.is_some_and(|f| (-1.5..=2.5).contains(&f))
     }
 
     /// The vertical axis for what lies between two horizontal positions; `None` if nothing does.

@@ -81,7 +81,8 @@ impl<'a> LivePanel<'a> {
     }
 
     fn json(&self, most: usize, columns: &mut Vec<String>) -> Value {
-        let Panel { title, height, note, labels, limits, uprights, spans, .. } = self.shown.panel;
+        let Panel { title, height, note, labels, keys, limits, uprights, spans, .. } =
+            self.shown.panel;
         let mut series = Vec::new();
         for curve in &self.curves {
             let (x, y) = curve.columns(most, &self.shown);
@@ -97,6 +98,12 @@ impl<'a> LivePanel<'a> {
             series.push(one);
         }
         let scales = self.shown.scales.as_ref();
+        let rank = |i: &usize| {
+            let name = &self.curves[*i].series.name;
+            keys.iter().position(|key| key.label == *name).unwrap_or(keys.len())
+        };
+        let mut legend: Vec<usize> = (0..self.curves.len()).collect();
+        legend.sort_by_key(rank);
         json!({
             "title": title,
             "height": height,
@@ -106,6 +113,8 @@ impl<'a> LivePanel<'a> {
             "x": axis(self.shown.x, scales.map(|scales| &scales.x)),
             "y": axis(&self.shown.panel.y, scales.map(|scales| &scales.y)),
             "series": series,
+            // The curves as the legend names them, which is not the order in which they are drawn.
+            "legend": legend,
             "paths": self.paths.iter().map(|series| path(series)).collect::<Vec<_>>(),
             "spans": spans.iter().map(span).collect::<Vec<_>>(),
             "labels": labels.iter().map(label).collect::<Vec<_>>(),
@@ -288,6 +297,17 @@ mod tests {
         assert_eq!(numbers(&json["xs"][1]), [0.0, 1.0, 3.0]);
         figure.panels[0].add("again", values, line());
         assert_eq!(parsed(&figure, 100)["xs"].as_array().unwrap().len(), 2);
+    }
+
+    #[test]
+    fn the_legend_begins_with_the_curves_that_have_keys() {
+        let rises = || vec![(0.0, 1.0), (1.0, 2.0)];
+        let mut figure = figure(Kind::Linear, rises());
+        let panel = &mut figure.panels[0];
+        panel.add_named("b", rises(), line());
+        panel.add_beneath("others", "beneath b", rises(), line());
+        // Drawn: beneath b, curve, b.
+        assert_eq!(parsed(&figure, 100)["panels"][0]["legend"], json!([2, 0, 1]));
     }
 
     #[test]

@@ -10,7 +10,7 @@ pub struct Cost {
     pub rhs_ns: f64,
     /// The stages of the horizon.
     pub stages: usize,
-    /// Those of the models.
+    /// The costs of the models.
     pub models: Vec<ModelCost>,
 }
 

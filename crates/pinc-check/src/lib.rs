@@ -397,7 +397,7 @@ impl<'a> Subject<'a> {
         points
     }
 
-    /// Those of them that are steady states.
+    /// The operating points that are steady states.
     fn steady_points(&self) -> Vec<(String, &OperatingPoint)> {
         let points = self.operating_points().into_iter().filter(|operating| operating.is_steady);
         points.map(|operating| (operating.name, operating.point)).collect()

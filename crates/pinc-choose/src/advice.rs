@@ -108,7 +108,7 @@ impl<'a> Advice<'a> {
         }
         if self.is_out_of_time {
             sentences.push(
-                "The time was up before all had been tried: `--resume` with more of it goes on."
+                "The time ran out before all were tried: continue with --resume and a larger --budget-s."
                     .to_owned(),
             );
         }
@@ -119,7 +119,7 @@ impl<'a> Advice<'a> {
             sentences.push(format!(
                 "Rejected whatever its loop does: {}. An integrator has to be sound in the whole box \
                  where the loop may go: stable at all random points, and with an rms error of one \
-                 step of 1 % of its widths at most (`pinc check` looks at the same).",
+                 step of 1 % of its widths at most (pinc check looks at the same).",
                 unsound.join(", ")
             ));
         }

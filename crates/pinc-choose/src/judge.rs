@@ -117,7 +117,7 @@ impl Score {
 }
 
 impl Standard {
-    /// That of the integrator whose steps are the most exact of those whose loops stand, a sound one
+    /// The standard set by the most exact integrator among those whose loops stand, a sound one
     /// if there is one; none if no loop stands.
     pub(crate) fn of(tried: &[Tried], spec: &ControlSpec, within: f64) -> Option<Self> {
         let max_failed = spec.max_failed_share;

@@ -48,11 +48,11 @@ pub struct ControlSpec {
     /// absent, it takes both for true.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub uncertainty: Option<UncertaintySpec>,
-    /// Other values of the models' parameters in parts of the run: what the controller is told.
+    /// Other values of the models' parameters in parts of the run, as the controller knows them.
     /// Functions of t and columns of a file may take the place of the list.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub parameter_schedule: Vec<ParameterStep>,
-    /// Whether the controller knows the parameters of later steps in advance: those of
+    /// Whether the controller knows the parameters of later steps in advance: the values of
     /// `parameter_schedule`, or of `plant_schedule` if they are measured.
     #[serde(default, skip_serializing_if = "is_false")]
     pub parameter_preview: bool,

@@ -214,7 +214,7 @@ impl EstimatorSpec {
         names
     }
 
-    /// What the estimator is told, of states, disturbances and parameters. The states move between
+    /// What the estimator knows of states, disturbances and parameters. The states move between
     /// the bounds that `control` has for them.
     #[must_use]
     pub fn tuning(&self, control: &ControlSpec) -> Tuning {

@@ -240,7 +240,7 @@ impl Experiment {
     }
 
     /// The parameters of the models in the loop: those that vary, those that an estimator
-    /// estimates, and those that are uncertain.
+    /// estimates, and what scenarios or a tube vary.
     #[must_use]
     pub fn loop_parameters(&self) -> LoopParameters<'_> {
         let (mut names, mut values) = (self.varying(), self.model_parameters());

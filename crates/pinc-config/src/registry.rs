@@ -99,7 +99,7 @@ pub struct Variables {
 }
 
 impl Variables {
-    /// Those of a plant.
+    /// Returns the variables of a plant.
     #[must_use]
     pub fn of(plant: &dyn DynRhs) -> Self {
         Self {

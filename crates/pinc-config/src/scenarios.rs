@@ -22,8 +22,9 @@ pub struct ScenarioSpec {
 }
 
 impl ScenarioSpec {
-    /// The number of branches; `None` if there are too many to count.
-    pub(crate) fn branches(&self) -> Option<usize> {
+    /// Returns the number of branches at a stage, or `None` if there are too many to count.
+    #[must_use]
+    pub fn branches(&self) -> Option<usize> {
         self.values.values().try_fold(1_usize, |count, values| count.checked_mul(values.len()))
     }
 

@@ -58,7 +58,48 @@ impl BoundStep {
     }
 }
 
+/// What a bound is of, by its place in the plant's order.
+#[derive(Clone, Copy, Debug)]
+pub enum Bounded {
+    /// A state.
+    State(usize),
+    /// An input.
+    Input(usize),
+    /// An output that is no state.
+    Output(usize),
+}
+
+/// One of the tables of a [`BoundStep`].
+type Side = fn(&BoundStep) -> &BTreeMap<String, f64>;
+
 impl ControlSpec {
+    /// Returns the lower and the upper bound of the variable `name` over the run: pairs of the time
+    /// in s from which a value holds and the value. There is one pair if the bound never changes, and
+    /// none without a bound.
+    #[must_use]
+    pub fn bounds_over_time(&self, of: Bounded, name: &str) -> [Vec<(f64, f64)>; 2] {
+        let (place, lists, sides): (usize, _, [Side; 2]) = match of {
+            Bounded::State(i) => {
+                let lists = [self.state_low.as_ref(), self.state_high.as_ref()];
+                (i, lists, [|step| &step.state_low, |step| &step.state_high])
+            }
+            Bounded::Input(i) => {
+                let lists = [Some(&self.input_low), Some(&self.input_high)];
+                (i, lists, [|step| &step.input_low, |step| &step.input_high])
+            }
+            Bounded::Output(i) => {
+                let lists = [self.output_low.as_ref(), self.output_high.as_ref()];
+                (i, lists, [|step| &step.output_low, |step| &step.output_high])
+            }
+        };
+        std::array::from_fn(|k| {
+            let Some(first) = lists[k].and_then(|list| list.get(place)) else { return Vec::new() };
+            let changes = self.bound_schedule.iter();
+            let changes = changes.filter_map(|s| Some((s.start_s, *sides[k](s).get(name)?)));
+            [(0.0, *first)].into_iter().chain(changes).collect()
+        })
+    }
+
     /// How the bounds of `problem` change, if they do.
     ///
     /// # Errors

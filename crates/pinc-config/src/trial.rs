@@ -70,7 +70,7 @@ pub fn columns(sweep: &SweepSpec) -> Vec<String> {
     columns
 }
 
-/// Those of the [`columns`] that tell the cells of a sweep apart: a cell has one trial per seed and
+/// Returns the [`columns`] that tell the cells of a sweep apart: a cell has one trial per seed and
 /// draw. They are the first ones.
 pub fn cell_columns(sweep: &SweepSpec) -> Vec<String> {
     let mut columns = group_columns(sweep);
@@ -84,7 +84,7 @@ pub fn cell_columns(sweep: &SweepSpec) -> Vec<String> {
     columns
 }
 
-/// Those of the [`columns`] with alternatives that are not searched: cases and axes of the grid.
+/// Returns the [`columns`] with alternatives that are not searched: cases and axes of the grid.
 fn group_columns(sweep: &SweepSpec) -> Vec<String> {
     let mut columns = Vec::new();
     if !sweep.cases.is_empty() {

@@ -113,7 +113,7 @@ impl Augmentation {
 #[derive(Debug)]
 pub(crate) struct Disturbed {
     model: Box<dyn Model>,
-    /// Those of the model.
+    /// The model's dimensions.
     dims: Dims,
     augmentation: Augmentation,
     disturbances: usize,

@@ -225,8 +225,8 @@ impl Tuning {
         Ok(())
     }
 
-    /// The most that a prediction may leave of each entry's variance, `nx`: that of an error as large
-    /// as [`Tuning::range`], or those of the beginning or of a step where these are larger; infinite
+    /// The most that a prediction may leave of each entry's variance, `nx`: the square of
+    /// [`Tuning::range`], or the variance at the beginning or of a step if it is larger; infinite
     /// where no range is known.
     #[must_use]
     pub fn most_variance(&self) -> Vec<f64> {

@@ -47,7 +47,7 @@ pub struct History {
 }
 
 impl OutputFeedback {
-    /// An `estimator` of the augmented model that is told what is measured, to which `noise` is
+    /// An `estimator` of the augmented model that reads what is measured, to which `noise` is
     /// added, `[steps, ny]`; steps beyond it have none.
     #[must_use]
     pub fn new(estimator: Box<dyn Estimator>, augmentation: Augmentation, noise: Vec<f64>) -> Self {

@@ -57,8 +57,8 @@ impl Gate {
     }
 
     /// The variances of each entry of z that a covariance is widened to at first, `nx`: the largest
-    /// of those of the beginning, those of a step, and those with which the gate passes an error
-    /// as large as [`Tuning::range`].
+    /// of the variance at the beginning, the variance of a step, and the one with which the gate passes
+    /// an error as large as [`Tuning::range`].
     #[must_use]
     pub fn widened(tuning: &Tuning) -> Vec<f64> {
         let range = |k: usize| tuning.range.get(k).map_or(0.0, |range| range * range);

@@ -66,9 +66,9 @@ pub struct Ukf {
 struct Weights {
     /// How far the points are, in standard deviations.
     spread: f64,
-    /// That of each of the outer points.
+    /// The weight of each of the outer points.
     pair: f64,
-    /// That of the middle one in covariances.
+    /// The weight of the middle one in covariances.
     middle: f64,
 }
 

@@ -87,7 +87,7 @@ impl Unknowns {
 }
 
 impl CriticalTerms {
-    /// Those of a graph whose first nodes up to `keys[i].0` belong to the equation `keys[i].1`.
+    /// Returns a graph's terms; its first nodes up to `keys[i].0` belong to the equation `keys[i].1`.
     pub(crate) fn new(
         graph: Graph,
         variables: &[&str],

@@ -37,7 +37,7 @@ pub(crate) struct PlantGraph {
 }
 
 impl PlantGraph {
-    /// That of a plant in Rust, in which the constants named in `varying` are parameters behind its
+    /// The graph of a plant in Rust, in which the constants named in `varying` are parameters behind its
     /// own and the others have the values of `constants`. Equations that it solves inside become
     /// algebraic variables, or, `unrolled`, the steps of their solution. A `cost` is beside them.
     pub(crate) fn traced<P: Plant>(

@@ -1,4 +1,4 @@
-//! Copies of a simulator, as many as are asked side by side.
+//! Copies of a simulator, one for each request that runs at the same time.
 
 use pinc_ode::OdeError;
 use std::fmt::{self, Debug};

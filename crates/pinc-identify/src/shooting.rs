@@ -35,7 +35,7 @@ impl Nodes {
 
 /// A recording with its linearization.
 ///
-/// Small changes of the states are linear functions of unknowns (q, p, 1). Those of the first state
+/// Small changes of the states are linear functions of unknowns (q, p, 1). Changes of the first state
 /// are its scale times q, where that is free. From segment to segment q is chosen anew, so that no
 /// state depends on it by more than its scale: directions that grow are scaled down, and the change
 /// of a state at the end of a segment takes the place of that at its begin. What the sensitivities

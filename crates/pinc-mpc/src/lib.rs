@@ -5,14 +5,14 @@
 //!   [`Bounds`].
 //! - [`Nmpc`]: the controller. Each step solves the problem by Gauss-Newton sequential quadratic
 //!   programming, says how that ended ([`SqpStatus`]) and how good the plan is ([`KktResidual`]).
-//!   The length of its steps, [`BarzilaiBorwein`], is of use to other Gauss-Newton iterations too.
+//!   Other Gauss-Newton iterations can use its step length, [`BarzilaiBorwein`].
 //! - [`ClosedLoop`]: the controller with an accurately integrated plant, following a [`Reference`];
 //!   [`LoopRecord`] keeps its whole trace.
 //!
-//! What a model is made of is nothing to this crate: an integrator and a neural net enter by the
-//! same trait. It prints nothing, opens no file and reads no clock.
+//! Integrators and neural nets enter by the same trait: the crate does not know which one a model
+//! is. It prints nothing, opens no file and reads no clock.
 //!
-//! A status is a value, for the plant needs an input however the optimization ends; an
+//! A status is a value, since the plant needs an input however the optimization ends; an
 //! [`MpcError`] means that the parts do not fit together.
 
 #![forbid(unsafe_code)]

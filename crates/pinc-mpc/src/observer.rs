@@ -1,4 +1,4 @@
-//! What the controller is told of the plant in place of its state.
+//! What supplies the state of a plant that is only measured.
 
 use std::fmt::Debug;
 

@@ -27,7 +27,7 @@ pub(crate) struct OutputRows {
 }
 
 impl OutputRows {
-    /// Those of `problem` for a model whose outputs may depend on the input as `feedthrough` says.
+    /// The rows of `problem`; `feedthrough` says which of the model's outputs depend on the input.
     pub(crate) fn new(problem: &NmpcProblem, model: Dims, feedthrough: &[bool]) -> Self {
         let Some(bounds) = &problem.output_bounds else { return Self::default() };
         let limited = |output: usize| {

@@ -202,8 +202,8 @@ impl BoundSchedule {
 }
 
 impl Nmpc {
-    /// Sets the bounds of the plan that begins at control step `step`: those of each stage's steps,
-    /// if the controller knows them in advance (`preview`), or else those of now.
+    /// Sets the bounds of the plan that begins at control step `step`: of each stage's steps,
+    /// if the controller knows them in advance (`preview`), or else of now.
     pub fn set_bounds_at(&mut self, schedule: &BoundSchedule, step: usize, preview: bool) {
         let times = self.horizon.times();
         let (delay, length) = (self.problem.delay, times[1]);

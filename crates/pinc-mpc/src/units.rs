@@ -168,7 +168,7 @@ impl Units {
         changed
     }
 
-    /// That of the unknown number `v` of z.
+    /// The unit of the unknown number `v` of z.
     pub(crate) fn unknown(&self, v: usize) -> f64 {
         match v.checked_sub(self.dims.all_states()) {
             None => self.x[v % self.x.len()],

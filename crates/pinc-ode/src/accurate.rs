@@ -46,7 +46,7 @@ impl AccurateIntegrator {
         Self::shared(Arc::new(plant), tolerance)
     }
 
-    /// The same of a plant whose type is erased.
+    /// Like [`Self::new`], for a plant whose type is erased.
     ///
     /// # Panics
     ///

@@ -73,7 +73,7 @@ impl Dopri5 {
         Self::shared(Arc::new(plant), tolerance)
     }
 
-    /// The same of a plant whose type is erased.
+    /// Like [`Self::new`], for a plant whose type is erased.
     ///
     /// # Panics
     ///

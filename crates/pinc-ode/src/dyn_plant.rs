@@ -237,7 +237,7 @@ impl AnyVectorRhs {
         Self(Box::new(rhs))
     }
 
-    /// That of a plant whose equation is not to be seen: NaN.
+    /// Returns the table of a plant whose equation cannot be seen: every value is NaN.
     #[must_use]
     pub fn none(isa: Isa) -> Self {
         isa.dispatch(EraseNone)

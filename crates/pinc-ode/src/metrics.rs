@@ -64,8 +64,8 @@ impl Tracking {
 ///
 /// # Panics
 ///
-/// If `predicted` and `truth` differ in length, or their length is not a multiple of that of
-/// `scale`.
+/// If `predicted` and `truth` differ in length, or their length is not a multiple of
+/// `scale`'s.
 #[must_use]
 pub fn mean_squared_error(predicted: &[f64], truth: &[f64], scale: &[f64]) -> f64 {
     assert_eq!(predicted.len(), truth.len(), "as many predictions as truths");

@@ -2,7 +2,7 @@
 
 use crate::{Dims, Linearization, LinearizationBuffer, Model, OutputLinearization, Stages};
 
-/// The states that follow those of the plant: the time and the cost.
+/// The states that follow the plant's: the time and the cost.
 const ADDED: usize = 2;
 
 /// A model of a plant's states, as a net is one, extended by the time and by a cost that is

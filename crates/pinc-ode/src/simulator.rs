@@ -26,8 +26,8 @@ impl From<Dopri5> for Simulator {
 }
 
 impl Simulator {
-    /// That of `plant`, whose equation is integrated with this local error tolerance, absolute and
-    /// relative; a black box is as accurate as it is.
+    /// Returns the simulator of `plant`, whose equation is integrated with this local error tolerance,
+    /// absolute and relative; a black box has its own accuracy.
     ///
     /// # Panics
     ///
@@ -81,7 +81,7 @@ impl Simulator {
     ///
     /// # Errors
     ///
-    /// Those of [`AccurateIntegrator::integrate`]; [`OdeError::External`] and
+    /// See [`AccurateIntegrator::integrate`]; [`OdeError::External`] and
     /// [`OdeError::NotFinite`] for what a black box does not answer with numbers.
     ///
     /// # Panics

@@ -31,7 +31,7 @@ impl BlackBox {
 }
 
 impl Tangent {
-    /// That of `plant`, with this local error tolerance, absolute and relative; `None` for a black
+    /// Returns the tangent of `plant`, with this local error tolerance, absolute and relative; `None` for a black
     /// box without derivatives.
     ///
     /// # Panics
@@ -58,7 +58,7 @@ impl Tangent {
     ///
     /// # Errors
     ///
-    /// Those of [`Simulator::integrate`](crate::Simulator::integrate), also for a derivative that
+    /// See [`Simulator::integrate`](crate::Simulator::integrate), also for a derivative that
     /// is not finite.
     ///
     /// # Panics

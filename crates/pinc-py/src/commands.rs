@@ -112,6 +112,7 @@ pub(crate) fn identify_into(
     py: Python<'_>,
     common: Common<'_>,
     data: Vec<PathBuf>,
+    validate: Vec<PathBuf>,
     starts: Option<usize>,
 ) -> PyResult<(PathBuf, String)> {
     let (experiment, only) = (common.experiment()?, common.only()?);
@@ -123,7 +124,7 @@ pub(crate) fn identify_into(
     }
     let (dir, model) = (common.directory(&experiment, "-identify"), common.model.as_deref());
     let found = common.call("identify", &experiment).run(py, |options| {
-        pinc_runs::identify(&experiment, &data, &dir, options, model, only, starts)
+        pinc_runs::identify(&experiment, (&data, &validate), &dir, options, model, only, starts)
     })?;
     Ok((dir, found.to_json()))
 }

@@ -110,7 +110,7 @@ impl Tree {
         first
     }
 
-    /// The node whose plan a node takes over when the tree is moved on by one stage along the first
+    /// The node whose plan a node takes over when the tree is shifted by one stage along the first
     /// branch: one stage deeper, after the same branches as far as there are such nodes.
     #[must_use]
     pub fn successor(self, node: usize) -> usize {

@@ -231,7 +231,7 @@ impl fmt::Display for DomainFinding {
             false => write!(f, "nothing that is a number. ")?,
         }
         f.write_str(
-            "A controller that plans there is misled: see what `pinc check` says of poles and kinks, \
+            "A controller that plans there is misled: see what pinc check says of poles and kinks, \
              take a smaller [domain] or a shorter T, ",
         )?;
         f.write_str(match is_too_small {
@@ -277,7 +277,7 @@ mod tests {
             "1.3 % of [domain] is off by more than 1 % of a state's range after one step",
             "worst at X = 2.2, S = 0.4; D = 0.365, where S is to become 0.876 and the net says -0.31",
             "(39.5 % of its range off)",
-            "`pinc check`",
+            "pinc check",
         ] {
             assert!(said.contains(part), "no `{part}` in {said}");
         }

@@ -79,7 +79,7 @@ impl<'a> Search<'a> {
         eligibility
     }
 
-    /// Those of the candidates `left` that reach a rung; none as long as one is not over.
+    /// Returns the candidates `left` that reach a rung; none as long as one is not over.
     fn best_of(
         &self,
         candidates: &[Vec<usize>],

@@ -395,7 +395,7 @@
     const tables = panel.series.map((of) => [xs[of.x], floats(of.y)]);
     const data = tables.length ? uPlot.join(tables) : [panel.x.range, [null, null]];
     const all = panel.series.length ? panel.series.map(series) : [{ show: false }];
-    const spare = () => place.clientWidth || 960;
+    const spare = () => place.clientWidth || 960, rows = [];
     const options = {
       width: spare(), height: panel.height + (foot ? FOOT : 14), pxAlign: 0,
       padding: [8, RIGHT, 0, 0],
@@ -442,7 +442,7 @@
         }],
         setSeries: [(u, i, of) => {
           if (i == null || of.show == null) return;
-          const name = head.querySelectorAll(".u-series")[i]?.querySelector("th");
+          const name = rows[i]?.querySelector("th");
           name?.setAttribute("aria-pressed", of.show);
           owner.forEach((k, other) => {
             if (k === i - 1 && other !== k && u.series[other + 1].show !== of.show) {
@@ -453,11 +453,13 @@
       },
     };
     const u = new uPlot(options, data, make("div", "", place));
+    rows.push(...head.querySelectorAll(".u-series"));
     panel.series.forEach((of, i) => {
-      if (!of.name) head.querySelectorAll(".u-series")[i + 1].classList.add("nameless");
+      if (!of.name) rows[i + 1].classList.add("nameless");
     });
     column.plots.push(u);
     keys(u, head, group, panel);
+    panel.legend.forEach((i) => rows[i + 1].parentNode.append(rows[i + 1]));
     u.setScale("x", { min: group.now[0], max: group.now[1] });
     group.plots.push(u);
     gestures(u, group);

@@ -9,7 +9,7 @@ use pinc_chart::{
     AMBER, Axis, Color, Figure, INK, Kind, Look, Panel, Point, Shape, Style, extent,
     held_since_previous, held_until_next, input_color, present, state_color,
 };
-use pinc_config::ControlSpec;
+use pinc_config::{Bounded, ControlSpec};
 use pinc_ode::Variable;
 use pinc_record::ControlRow;
 
@@ -122,7 +122,7 @@ impl Loops<'_> {
                 points(table, quantity, place)
             });
         }
-        for (name, place) in places() {
+        for (name, place) in places().rev() {
             self.add_beneath(&mut panel, name, |table| points(table, quantity, place));
         }
         if states.iter().any(|state| self.variables.controlled.contains(state)) {
@@ -132,16 +132,10 @@ impl Loops<'_> {
         for state in controlled.take(1) {
             self.add_failures(&mut panel, self.variables.index_of(state));
         }
-        for (_, place) in places() {
-            let bound = |states: &Option<Vec<f64>>, outputs: &Option<Vec<f64>>| match place
-                .checked_sub(self.variables.states.len())
-            {
-                None => states.as_ref()?.get(place).copied(),
-                Some(output) => outputs.as_ref()?.get(output).copied(),
-            };
-            let low = |control: &ControlSpec| bound(&control.state_low, &control.output_low);
-            let high = |control: &ControlSpec| bound(&control.state_high, &control.output_high);
-            self.add_limits(&mut panel, low, high);
+        let states = self.variables.states.len();
+        for (name, place) in places() {
+            let output = place.checked_sub(states).map(Bounded::Output);
+            self.add_limits(&mut panel, name, output.unwrap_or(Bounded::State(place)));
         }
         panel
     }
@@ -174,13 +168,11 @@ impl Loops<'_> {
         for (name, i) in places() {
             self.add_curve(&mut panel, name, input_color(i), |table| steps(table, i));
         }
-        for (name, i) in places() {
+        for (name, i) in places().rev() {
             self.add_beneath(&mut panel, name, |table| steps(table, i));
         }
-        for (_, i) in places() {
-            let low = |control: &ControlSpec| control.input_low.get(i).copied();
-            let high = |control: &ControlSpec| control.input_high.get(i).copied();
-            self.add_limits(&mut panel, low, high);
+        for (name, i) in places() {
+            self.add_limits(&mut panel, name, Bounded::Input(i));
         }
         panel
     }
@@ -203,30 +195,37 @@ impl Loops<'_> {
         panel.add_named(&label, points, Style::new(color, Shape::Line(1.8)));
     }
 
-    /// Adds a variable's curves with the other models, broad and light beneath what is there.
+    /// Adds a variable's curves with the other models, broad and light beneath what is there: the last
+    /// one first, so that legends have the models' order.
     fn add_beneath(
         &self,
         panel: &mut Panel,
         variable: &str,
         curve: impl Fn(&ControlTrace) -> Vec<Point>,
     ) {
-        for of in &self.traces[1..] {
+        for of in self.traces[1..].iter().rev() {
             let label = format!("with {}", self.run.model_name(of.model));
             let style = Style::new(AMBER, Shape::Line(5.0)).faint(0.55);
             panel.add_beneath(&label, &format!("{variable} {label}"), curve(&of.table), style);
         }
     }
 
-    /// Adds the bounds of a variable, as the config has them.
-    fn add_limits(
-        &self,
-        panel: &mut Panel,
-        low: impl Fn(&ControlSpec) -> Option<f64>,
-        high: impl Fn(&ControlSpec) -> Option<f64>,
-    ) {
+    /// Adds the lower and the upper bound of a variable: a level, or a curve if it changes.
+    fn add_limits(&self, panel: &mut Panel, name: &str, of: Bounded) {
         let Some(control) = &self.run.experiment.control else { return };
-        panel.add_limits("limits", low(control).as_slice());
-        panel.add_limits("limits", high(control).as_slice());
+        let second = 1.0 / self.run.time_unit().seconds();
+        for (bound, which) in control.bounds_over_time(of, name).iter().zip(["low", "high"]) {
+            match &bound[..] {
+                [] => {}
+                [(_, constant)] => panel.add_limits("limits", &[*constant]),
+                [.., (_, last)] => {
+                    let all = bound.iter().copied().chain([(control.duration_s, *last)]);
+                    let points: Vec<Point> = all.map(|(t, y)| (t * second, y)).collect();
+                    let name = format!("{name}_{which}");
+                    panel.add_changing_limit("limits", &name, held_until_next(&points));
+                }
+            }
+        }
     }
 
     /// How far the first two models' loops are apart.
@@ -285,6 +284,13 @@ impl Loops<'_> {
         let mut caption = "The plant, integrated accurately, under the controller. Dashed: the \
                            references, in the colours of what follows them; grey: the bounds."
             .to_owned();
+        let scenarios = |control: &ControlSpec| control.scenarios.as_ref()?.branches();
+        if let Some(branches) = self.run.experiment.control.as_ref().and_then(scenarios) {
+            caption += &format!(
+                " Drawn is the plant alone: the plans, which hold the bounds for all {branches} \
+                combinations of [control.scenarios], are not kept."
+            );
+        }
         if let [first, second, ..] = self.traces {
             let (one, two) = (self.run.model_name(first.model), self.run.model_name(second.model));
             caption += &format!(

@@ -66,6 +66,8 @@ fn tracking(run: &Run, metrics: &Metrics) -> Option<String> {
     let iae = |of: &ControlMetrics| shown(&metric::IAE_DENSE_SUM, of.iae_dense_sum);
     let with = |of: &ControlMetrics| format!("{} with {}", iae(of), run.model_name(Some(of.model)));
     match &metrics.control[..] {
+        // Where nothing has a reference there is no IAE.
+        all if all.iter().any(|of| of.iae_dense_sum.is_nan()) => None,
         [] => None,
         [one] => {
             let name = run.model_name(Some(one.model));

@@ -90,9 +90,9 @@ pub fn export_net(
 fn estimated(experiment: &Experiment, to: Target) -> Result<PlantEquations, RunError> {
     let refused = |problem: String| RunError::usage(&experiment.name, problem);
     if to != Target::C {
-        return Err(refused(format!("`--errors` goes `--to c`, not `--to {}`", to.name())));
+        return Err(refused(format!("`--errors` needs `--to c`, not `--to {}`", to.name())));
     }
-    let problem = "`--errors` needs the plant's equation, and that of [plant] is a black box";
+    let problem = "`--errors` needs the plant's equation, and [plant] is a black box";
     experiment.plant.equations().ok_or_else(|| refused(problem.to_owned()))
 }
 
@@ -193,7 +193,7 @@ pub fn export_controller(
         }
         Target::Casadi | Target::Onnx | Target::OnnxDouble => {
             let problem = format!(
-                "`--to {}` takes a net, by --model FILE without a config; a whole controller goes \
+                "`--to {}` takes a net, by --model FILE without a config; a whole controller needs \
                  `--to c` or `--to fmu`",
                 to.name()
             );
@@ -213,7 +213,7 @@ struct Estimating {
 }
 
 impl Estimating {
-    /// That of the config, if it has one.
+    /// The estimator of the config, if it has one.
     fn of(chosen: &Chosen<'_>) -> Result<Option<Self>, RunError> {
         let Some(spec) = &chosen.spec.estimator else { return Ok(None) };
         let filter = match spec.kind {
@@ -264,7 +264,7 @@ pub fn export_plant(
     let sample_time_s = experiment.sample_time_s().ok_or_else(|| missing("model"))?;
     let spec = control.plant.as_ref().unwrap_or(&experiment.plant);
     let Target::Fmu(version) = to else {
-        let problem = format!("`--to {}` takes no plant; `--plant` goes `--to fmu`", to.name());
+        let problem = format!("`--to {}` takes no plant; `--plant` needs `--to fmu`", to.name());
         return Err(RunError::usage("export", problem));
     };
     let unknown = || RunError::not_exportable(spec.name(), ModelKind::RK4);

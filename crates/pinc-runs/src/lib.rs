@@ -346,7 +346,7 @@ struct Stages<'a> {
     experiment: &'a Experiment,
     options: &'a Options<'a>,
     plan: &'a Plan,
-    /// Those of the training, if not what the config says.
+    /// The training's threads, if not what the config says.
     threads: Option<&'a Threads<'a>>,
     run_dir: &'a mut RunDir,
 }

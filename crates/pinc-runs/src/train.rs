@@ -91,7 +91,7 @@ pub(crate) fn stage(
     };
     let net = session.trainer.net();
     let parameters = inputs.estimates(&session.trainer);
-    // The net first: it is what the time was spent on. That of an interrupted training is in the
+    // The net first: it is what the time was spent on. The net of an interrupted training is in the
     // checkpoint; of one that failed, the last good net is kept.
     if !matches!(outcome, Err(RunError::Interrupted { .. })) {
         let bytes = certificate.map_or_else(|| net.to_bytes(), |of| proof::certified(&net, &of));

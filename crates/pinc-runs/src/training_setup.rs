@@ -24,7 +24,7 @@ pub struct TrainingSetup<'a> {
 }
 
 impl<'a> TrainingSetup<'a> {
-    /// Those of the experiment.
+    /// Returns the setup of the experiment.
     ///
     /// # Errors
     ///

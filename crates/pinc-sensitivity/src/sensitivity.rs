@@ -27,7 +27,7 @@ pub enum Regularity {
     /// It is.
     Regular,
     /// This constraint is about to become active or inactive: the plan has a kink, and the
-    /// derivatives are those of the side on which the constraint is inactive. A smoothed plan has
+    /// derivatives belong to the side on which the constraint is inactive. A smoothed plan has
     /// derivatives everywhere.
     Kink(Constraint),
     /// The conditions have no unique solution near the plan, because its active constraints depend on
@@ -460,7 +460,7 @@ impl<'a> Targets<'a> {
 }
 
 impl Smoothed {
-    /// Writes its multipliers to those of a plan.
+    /// Writes its multipliers to a plan's.
     fn write_to(&self, qp: &Qp, multipliers: &mut Multipliers) {
         let mut limits = limit_multipliers(multipliers);
         self.write(qp, &mut limits);

@@ -1,7 +1,7 @@
 #![doc = include_str!("../README.md")]
 //! # Tour
 //!
-//! [`serve`] answers the lines of a reader, [`serve_clients`] those of clients at a port. The
+//! [`serve`] answers the lines of a reader, [`serve_clients`] the lines of clients at a port. The
 //! requests and answers are in the book's page on serving.
 
 #![forbid(unsafe_code)]

@@ -63,7 +63,7 @@ pub struct Bracket {
     pub is_complete: bool,
     /// Parts that the domain is cut into.
     pub leaves: usize,
-    /// Those of them whose bounds are within the ratio.
+    /// Parts whose bounds are within the ratio.
     pub settled: usize,
     /// Boxes that were enclosed.
     pub boxes: u64,

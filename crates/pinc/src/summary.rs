@@ -98,7 +98,9 @@ fn metrics(text: &mut String, metrics: &Metrics) -> std::fmt::Result {
             true => "distilled",
             false => run.model.name(),
         };
-        let numbers = row(&|of, _, show| show(of.of_loop(run)));
+        let shown =
+            |value: f64, show: Show| if value.is_nan() { "-".to_owned() } else { show(value) };
+        let numbers = row(&|of, _, show| shown(of.of_loop(run), show));
         let status: Vec<_> = run.status.iter().map(|(name, n)| format!("{n} {name}")).collect();
         writeln!(text, "  {model:<10}{numbers}   {}", status.join(", "))?;
         if let Some(found) = run.outside_domain.as_ref().filter(|found| found.outside > 0) {

@@ -25,7 +25,7 @@ pub(super) struct Base {
 }
 
 impl Base {
-    /// That of a config, which may name one of `plants`.
+    /// The base of a config, which may name one of `plants`.
     pub(super) fn of(experiment: &Experiment, plants: &Plants) -> Result<Self, RunError> {
         let (name, command) = (&experiment.name, "pinc choose");
         let missing = |section| RunError::missing_section(name, section, command);

@@ -43,7 +43,7 @@ impl<'a> Crew<'a, '_> {
     /// Tells others how far this process is, until there is no more to tell.
     fn keep_notes(&self, ended: &std::sync::mpsc::Receiver<()>) {
         let (dir, name) = (&self.session.sweep_dir, super::worker_name());
-        // A note that cannot be written is missed by nobody.
+        // Failing to write a note is harmless.
         let _ = dir.write_note(&name, &self.state().note());
         while ended.recv_timeout(NOTE_EVERY) == Err(RecvTimeoutError::Timeout) {
             let note = self.state().note();

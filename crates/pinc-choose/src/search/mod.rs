@@ -113,7 +113,7 @@ impl Search<'_> {
     ///
     /// # Errors
     ///
-    /// Those of `loops`.
+    /// Returns an error of `loops`.
     pub fn run<L: Loops>(&self, loops: &mut L) -> Result<SearchResult, L::Error> {
         let mut found = SearchResult::default();
         self.exact(&mut found, loops)?;

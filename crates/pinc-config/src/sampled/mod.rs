@@ -253,7 +253,7 @@ impl Signal {
             Self::Number(number) => *number,
             Self::Function(function) => function.at(t),
             Self::Column { times, values, is_linear } => {
-                // Times differ from those of steps by rounding.
+                // Times differ from the times of steps by rounding.
                 let next = times.partition_point(|time| *time <= t + 1e-9 * t.abs());
                 let before = next.saturating_sub(1);
                 if !is_linear || next == times.len() || next == 0 {

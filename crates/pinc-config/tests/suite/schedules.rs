@@ -1,7 +1,7 @@
 //! Schedules as functions of t and as files.
 
 use crate::common::parse;
-use pinc_config::{ControlSpec, Experiment};
+use pinc_config::{Bounded, ControlSpec, Experiment};
 use pinc_mpc::NmpcProblem;
 use std::fs;
 
@@ -194,6 +194,21 @@ fn bounds_are_functions_of_t() {
         let found = refused(&format!("control.bound_schedule={set}"));
         assert!(found.contains(expected) && found.contains("bound_schedule"), "{set}: {found}");
     }
+}
+
+/// A bound over the run starts with the value of `[control]` and changes where a step names it.
+#[test]
+fn a_bound_over_the_run_has_its_changes_only() {
+    let steps = "control.bound_schedule=[{ start_s = 1.0, state_high = { x = 2.0 } }, \
+                 { start_s = 1.5, input_low = { u = 0.25 } }, { start_s = 2.0, state_high = { x = 1.5 } }]";
+    let control = experiment(&[steps]).control.unwrap();
+    let [low, high] = control.bounds_over_time(Bounded::State(0), "x");
+    assert_eq!(low, []);
+    assert_eq!(high, [(0.0, 5.0), (1.0, 2.0), (2.0, 1.5)]);
+    let [low, high] = control.bounds_over_time(Bounded::Input(0), "u");
+    assert_eq!(low, [(0.0, -1.0), (1.5, 0.25)]);
+    assert_eq!(high, [(0.0, 1.0)]);
+    assert_eq!(control.bounds_over_time(Bounded::Output(0), "y"), [vec![], vec![]]);
 }
 
 #[test]

@@ -41,7 +41,7 @@ pub(super) struct Program {
     smoother: Smoother,
     solver: ChosenQp,
     step: QpStep,
-    /// Those of the point at which the program is linearized.
+    /// The multipliers of the point at which the program is linearized.
     pub(super) multipliers: Multipliers,
     cost: f64,
     model: LinearizationBuffer,

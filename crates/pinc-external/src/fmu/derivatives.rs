@@ -1,4 +1,4 @@
-//! What an FMU's directional derivatives are asked for.
+//! How an FMU's directional derivatives are requested.
 
 use super::description::{Description, Place};
 use super::library::Instance;
@@ -38,8 +38,8 @@ pub(super) struct Room {
 }
 
 impl Derivatives {
-    /// Those of an FMU whose plant has these states, in the places `order` of the FMU's vector, and
-    /// inputs.
+    /// Returns the derivatives of an FMU whose plant has these states, in the places `order` of the
+    /// FMU's vector, and these inputs.
     pub(super) fn new(
         description: &Description,
         order: &[usize],

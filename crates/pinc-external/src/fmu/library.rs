@@ -58,7 +58,7 @@ pub(super) struct Binary {
     _library: Library,
 }
 
-/// Those of both versions, and those in which the versions differ.
+/// The functions of both versions, and those in which the versions differ.
 struct Functions {
     free: unsafe extern "C" fn(Handle),
     reset: Plain,

@@ -13,7 +13,7 @@ const LOCK: &str = ".lock";
 /// Directories that others took away, before it is given up to make one.
 const MOST_TRIES: usize = 100;
 
-/// A directory that is removed when this is dropped. Those of processes that ended without that, as
+/// A directory that is removed when this is dropped. Directories of processes that ended without that, as
 /// one does in which a binary crashes, are removed when the next is made.
 #[derive(Debug)]
 pub(super) struct Unpacked {

@@ -224,7 +224,7 @@ const STRIP: usize = 24;
 ///
 /// # Shapes
 ///
-/// Those of [`accumulate`].
+/// See [`accumulate`].
 #[inline(always)]
 pub(super) fn accumulate_wide<V: Simd>(
     adjoint: &[Cell<V>],

@@ -149,7 +149,7 @@ pub struct DormandPrince;
 impl Method for DormandPrince {
     const STAGES: usize = 6;
 
-    /// The stages of a long equation are a loop, as those of [`Classical`]; a short one is
+    /// The stages of a long equation are a loop, as in [`Classical`]; a short one is
     /// unrolled.
     #[inline(always)]
     fn step<P: Plant, S: Scalar>(plant: &P, h: f64, work: &mut Workspace<'_, S>) {

@@ -24,7 +24,7 @@ const ROWS: usize = 32;
 /// Derivatives of the state by the variables (x, u, p) at the start of a step, some columns, a
 /// *block*, at a time.
 ///
-/// Per block there is a row of [`Sensitivities::width`] columns for each variable: those of inputs
+/// Per block there is a row of [`Sensitivities::width`] columns for each variable; rows of inputs
 /// and parameters do not change. The blocks are followed by places of the same size for stages.
 #[derive(Clone, Debug)]
 pub(super) struct Sensitivities<V> {

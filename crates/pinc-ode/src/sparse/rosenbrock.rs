@@ -131,7 +131,7 @@ struct Rosenbrock<F, V> {
     substeps: usize,
     h: f64,
     zero: V,
-    /// That of f, with the stage's (x, u, p).
+    /// The memory of f, with the stage's (x, u, p).
     memory: Vec<V>,
     elimination: Elimination<V>,
     /// The state at the beginning of a substep.

@@ -94,7 +94,7 @@ struct Explicit<F, V> {
     substeps: usize,
     stages: Vec<Stage>,
     zero: V,
-    /// That of f, with the stage's (x, u, p).
+    /// The memory of f, with the stage's (x, u, p).
     memory: Vec<V>,
     /// The places of the stages: see [`Stage`].
     x: Vec<V>,

@@ -128,6 +128,7 @@ def identify(
     out: Optional[FilePath] = None,
     overrides: Overrides = None,
     *,
+    validate: Sequence[Data] = (),
     starts: Optional[int] = None,
     verbose: bool = False,
 ) -> Identification:
@@ -136,13 +137,15 @@ def identify(
     ``data`` is a recording or several: CSV files, tables (a dictionary of columns) or data frames
     with the columns ``t`` in s, the inputs, and ``y_<name>`` of each measured quantity, NaN where
     it is missing. The fit has so many ``starts`` within the parameters' bounds; by default 16 if
-    all have bounds, otherwise 1. Results are in ``out``, by default ``runs/<name>-identify``.
+    all have bounds, otherwise 1. Recordings of ``validate`` are not fitted to: the result says how
+    well it predicts them. Results are in ``out``, by default ``runs/<name>-identify``.
     """
     several = not (isinstance(data, (str, Path)) or hasattr(data, "keys"))
     listed: Sequence[Any] = data if several and isinstance(data, Sequence) else [data]
-    with _files(model, listed) as (path, files):
+    with _files(model, [*listed, *validate]) as (path, files):
         common = _Common(config, overrides, path, only, out, verbose=verbose)
-        directory, found = _native.identify_into(common, files, starts)
+        fitted, held_out = files[: len(listed)], files[len(listed) :]
+        directory, found = _native.identify_into(common, fitted, held_out, starts)
     return Identification._of(directory, json.loads(found))
 
 

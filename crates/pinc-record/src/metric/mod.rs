@@ -133,7 +133,7 @@ impl Metric {
         ALL.into_iter().flatten()
     }
 
-    /// Those of a stage's metrics that reports have in tables: errors first, then times, counts and
+    /// Returns a stage's metrics that reports have in tables: errors first, then times, counts and
     /// what is left.
     #[must_use]
     pub fn rows(stage: &'static [Self]) -> Vec<&'static Self> {

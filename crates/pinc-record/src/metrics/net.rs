@@ -155,7 +155,7 @@ pub(crate) mod rows {
     )
     .row(None);
 
-    /// Those of the training.
+    /// The metrics of the training.
     #[expect(clippy::cast_precision_loss, reason = "no training has 2^53 evaluations")]
     pub const TRAINING: &[Metric] = &[
         SOURCE,
@@ -172,7 +172,7 @@ pub(crate) mod rows {
         ),
     ];
 
-    /// Those of the validation.
+    /// The metrics of the validation.
     pub const VALIDATION: &[Metric] = &[
         MSE_GEN,
         error(
@@ -184,7 +184,7 @@ pub(crate) mod rows {
         ONE_STEP_MSE,
     ];
 
-    /// Those of one step over the domain.
+    /// The metrics of one step over the domain.
     pub const DOMAIN: &[Metric] = &[
         error(
             ["rms", ""],
@@ -206,7 +206,7 @@ pub(crate) mod rows {
         ),
     ];
 
-    /// Those of the free run.
+    /// The metrics of the free run.
     pub const FREE_RUN: &[Metric] = &[
         error(
             ["mse_marks", "free_run_mse_marks"],
