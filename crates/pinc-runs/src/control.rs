@@ -181,7 +181,7 @@ fn run_model(
     let measured = setup.sections().map_or_else(Vec::new, |(_, of)| of.names(&variables));
     let names = (&states[..], &measured[..]);
     let estimator = estimates.map(|of| EstimatorMetrics {
-        nearest_held: setup.nearest_held(of.target()),
+        nearest_held: of.nearest_held(&setup.spec.controlled),
         ..feedback::metrics(of.history(), names, estimator_us)
     });
     let (wall_s, step_us) = (times.of_runs(), times.of_steps());
@@ -408,17 +408,6 @@ impl LoopSetup<'_> {
         let errors = run.largest_errors().into_iter().enumerate();
         let least = |i: usize| (1e-9 * size(i)).max(SETTLED_RANGE * self.bounded_range(i));
         errors.map(|(i, error)| (0.01 * error).max(least(i))).collect()
-    }
-
-    /// The controlled quantities whose reference cannot be held, with the nearest value that can, of
-    /// what was asked for and what can be held.
-    fn nearest_held(&self, target: Option<[&[f64]; 2]>) -> BTreeMap<String, f64> {
-        let Some([asked, held]) = target else { return BTreeMap::new() };
-        let differs =
-            |(asked, held): (&f64, &f64)| (asked - held).abs() > 1e-6 * (1.0 + asked.abs());
-        let quantities = self.spec.controlled.iter().zip(asked.iter().zip(held));
-        let missed = quantities.filter(|(_, pair)| differs(*pair));
-        missed.map(|(name, (_, held))| (name.clone(), *held)).collect()
     }
 
     /// The range of a controlled state between its bounds; 0 without both of them.

@@ -71,9 +71,14 @@ impl TimedFeedback {
         self.feedback.history()
     }
 
-    /// What was asked for last and what can be held of it, where these are searched for.
-    pub(super) fn target(&self) -> Option<[&[f64]; 2]> {
-        self.target.as_ref().map(SteadyTarget::last)
+    /// The nearest values that can be held, of the controlled quantities `names` whose last reference
+    /// cannot.
+    pub(super) fn nearest_held(&self, names: &[String]) -> BTreeMap<String, f64> {
+        let Some(target) = &self.target else { return BTreeMap::new() };
+        let [asked, held] = target.last();
+        let missed = |asked: f64, held: f64| (asked - held).abs() > 1e-6 * (1.0 + asked.abs());
+        let all = names.iter().zip(asked.iter().zip(held)).filter(|(_, (a, h))| missed(**a, **h));
+        all.map(|(name, (_, held))| (name.clone(), *held)).collect()
     }
 
     /// For each step, the time of its correction and prediction together.
