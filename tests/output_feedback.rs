@@ -8,9 +8,8 @@ use pinc_estimate::{
     Augmentation, Augmented, Compensated, Disturbance, Ekf, History, Measured, OutputFeedback,
     Tuning,
 };
-use pinc_mpc::{
-    Bounds, ClosedLoop, Nmpc, NmpcProblem, Reference, SqpConfig, SqpStatus, Tracked, Weights,
-};
+use pinc_loop::ClosedLoop;
+use pinc_mpc::{Bounds, Nmpc, NmpcProblem, Reference, SqpConfig, SqpStatus, Tracked, Weights};
 use pinc_net::Domain;
 use pinc_ode::Variable;
 use pinc_ode::{Dopri5, Model, PiecewiseConstant, Plant, Rk4};

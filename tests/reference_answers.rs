@@ -2,9 +2,8 @@
 //! solver of nonlinear programs (IPOPT, tolerance 1e-10) gives for the same problems.
 
 use pinc_config::{Experiment, ModelKind, Plants};
-use pinc_mpc::{
-    Bounds, ClosedLoop, Nmpc, NmpcProblem, Reference, SqpConfig, SqpStatus, Tracked, Weights,
-};
+use pinc_loop::ClosedLoop;
+use pinc_mpc::{Bounds, Nmpc, NmpcProblem, Reference, SqpConfig, SqpStatus, Tracked, Weights};
 use pinc_ode::{Dopri5, PiecewiseConstant, Plant, Rk4};
 use pinc_plants::{FourTanks, VanDerPol};
 use pinc_runs::{Options, Verbosity};

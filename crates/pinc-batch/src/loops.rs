@@ -3,7 +3,8 @@
 use crate::NmpcBatch;
 use crate::rows::{Rows, count};
 use crate::share::share;
-use pinc_mpc::{ClosedLoop, MpcError, Nmpc, Reference, SqpStatus};
+use pinc_loop::ClosedLoop;
+use pinc_mpc::{MpcError, Nmpc, Reference, SqpStatus};
 use pinc_ode::Simulator;
 
 /// What a batch of closed loops is given.

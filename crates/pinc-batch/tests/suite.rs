@@ -1,9 +1,10 @@
 //! Batches against steps, loops and models one by one.
 
 use pinc_batch::{GradientLoops, LoopCost, Loops, ModelBatch, NmpcBatch, Situations};
+use pinc_loop::ClosedLoop;
 use pinc_mpc::{
-    Bounds, ClosedLoop, MpcError, Nmpc, NmpcProblem, Reference, Softness, SqpConfig, SqpStatus,
-    Tracked, Weights,
+    Bounds, MpcError, Nmpc, NmpcProblem, Reference, Softness, SqpConfig, SqpStatus, Tracked,
+    Weights,
 };
 use pinc_ode::{AccurateIntegrator, Model, Rk4, Simulator};
 use pinc_plants::{FourTanks, VanDerPol};

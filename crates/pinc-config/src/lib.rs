@@ -71,7 +71,7 @@ pub use presets::Preset;
 pub use problem::{ConfigError, Origin, Problem, SetProblem};
 pub use registry::Variables;
 pub use scenarios::ScenarioSpec;
-pub use schedule::{BoundStep, Bounded, ParameterStep, Schedule};
+pub use schedule::{BoundStep, ParameterStep, Schedule};
 pub use search::{HalvingSpec, SearchRange, SearchSpec};
 pub use sharing::nets_of_parameters;
 pub use slurm::SlurmSpec;

@@ -3,7 +3,7 @@
 use crate::experiment::step_at;
 use crate::sampled::BOUNDS;
 use crate::{ControlSpec, Experiment, LoopParameters, PlantSpec, Variables};
-use pinc_mpc::{BoundSchedule, MpcError, NmpcProblem, Timetable};
+use pinc_mpc::{BoundSchedule, Bounded, MpcError, NmpcProblem, Timetable};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
@@ -56,17 +56,6 @@ impl BoundStep {
         ];
         std::array::from_fn(|i| (BOUNDS[i], sides[i]))
     }
-}
-
-/// What a bound is of, by its place in the plant's order.
-#[derive(Clone, Copy, Debug)]
-pub enum Bounded {
-    /// A state.
-    State(usize),
-    /// An input.
-    Input(usize),
-    /// An output that is no state.
-    Output(usize),
 }
 
 /// One of the tables of a [`BoundStep`].

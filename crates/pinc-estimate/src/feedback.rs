@@ -2,7 +2,7 @@
 
 use crate::matrix::{dot, factor, solve_lower};
 use crate::{Augmentation, Correction, Estimator, EstimatorStatus, Measured};
-use pinc_mpc::{Observer, PlantNow};
+use pinc_loop::{Observer, PlantNow};
 
 /// Output feedback: the plant of a closed loop is measured, with noise, and an estimator makes of
 /// it what the controller is told. The controller's model is to be

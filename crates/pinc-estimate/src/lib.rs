@@ -6,7 +6,7 @@
 //!   controller that uses the estimates.
 //! - [`Estimator`]: the interface of the estimators [`Ekf`] (with a linear model, the Kalman
 //!   filter), [`Ukf`] and, with bounds, [`Mhe`].
-//! - [`OutputFeedback`]: sensors and an estimator in a [`ClosedLoop`](pinc_mpc::ClosedLoop).
+//! - [`OutputFeedback`]: sensors and an estimator in a [`ClosedLoop`](pinc_loop::ClosedLoop).
 //! - [`SteadyTarget`]: what can be held of a reference under estimated disturbances.
 //!
 //! A status is a value, for a controller needs an estimate however a step ends; an

@@ -3,7 +3,8 @@
 //! `cargo run -p pinc-mpc --example 01_closed_loop`
 #![expect(clippy::print_stdout, reason = "an example shows what it computes")]
 
-use pinc_mpc::{Bounds, ClosedLoop, Nmpc, NmpcProblem, Reference, SqpConfig, SqpStatus, Weights};
+use pinc_loop::ClosedLoop;
+use pinc_mpc::{Bounds, Nmpc, NmpcProblem, Reference, SqpConfig, SqpStatus, Weights};
 use pinc_ode::{Dopri5, Model, PiecewiseConstant, Rk4};
 use pinc_plants::VanDerPol;
 use std::error::Error;

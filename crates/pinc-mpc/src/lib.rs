@@ -6,8 +6,8 @@
 //! - [`Nmpc`]: the controller. Each step solves the problem by Gauss-Newton sequential quadratic
 //!   programming, says how that ended ([`SqpStatus`]) and how good the plan is ([`KktResidual`]).
 //!   Other Gauss-Newton iterations can use its step length, [`BarzilaiBorwein`].
-//! - [`ClosedLoop`]: the controller with an accurately integrated plant, following a [`Reference`];
-//!   [`LoopRecord`] keeps its whole trace.
+//! - [`Reference`], [`Timetable`] and [`BoundSchedule`]: what changes with the steps and is known in
+//!   advance.
 //!
 //! Integrators and neural nets enter by the same trait: the crate does not know which one a model
 //! is. It prints nothing, opens no file and reads no clock.
@@ -20,7 +20,6 @@
 mod barzilai_borwein;
 mod bounds;
 mod builder;
-mod closed_loop;
 mod config;
 mod constraint;
 mod constraints;
@@ -34,11 +33,8 @@ mod horizon;
 mod integrated_cost;
 mod kkt;
 mod linearization_cache;
-mod loop_errors;
-mod loop_record;
 mod memory;
 mod merit;
-mod observer;
 mod outputs;
 mod problem;
 mod program;
@@ -46,7 +42,6 @@ mod reference;
 mod report;
 mod scenarios;
 mod search;
-mod segment;
 mod solution;
 mod sqp;
 mod stage_cost;
@@ -55,14 +50,12 @@ mod timetable;
 mod tracked;
 mod transcription;
 mod units;
-mod violation;
 mod weights;
 mod work;
 
 pub use barzilai_borwein::BarzilaiBorwein;
 pub use bounds::{Bounds, Softness};
 pub use builder::NmpcBuilder;
-pub use closed_loop::{ClosedLoop, Control, StepRecord};
 pub use config::{SqpConfig, SqpStatus};
 pub use constraint::{Constraint, Side};
 pub use constraints::{Constraints, StageConstraints};
@@ -71,9 +64,7 @@ pub use error::MpcError;
 pub use guard::{Judge, Trust};
 pub use integrated_cost::IntegratedCost;
 pub use kkt::KktResidual;
-pub use loop_record::LoopRecord;
 pub use memory::Memory;
-pub use observer::{Observer, PlantNow};
 pub use outputs::IntervalEnd;
 pub use pinc_qp::{QpError, QpMethod, Tree};
 pub use problem::NmpcProblem;
@@ -82,12 +73,10 @@ pub use reference::Reference;
 pub use report::StepReport;
 pub use scenarios::Scenarios;
 pub use search::{PlanSearch, Programs};
-pub use segment::Segment;
 pub use solution::Solution;
 pub use stage_cost::{QuadBlock, StageCost, StagePoint};
-pub use timetable::{BoundSchedule, Timetable};
+pub use timetable::{BoundSchedule, Bounded, Timetable};
 pub use tracked::Tracked;
 pub use units::ProblemUnits;
-pub use violation::{Bounded, Violation};
 pub use weights::{PerStage, Weight, Weights};
 pub use work::StepWork;

@@ -184,7 +184,8 @@ impl NmpcProblem {
     }
 
     /// Whether outputs of the model are tracked or bounded.
-    pub(crate) fn uses_outputs(&self) -> bool {
+    #[must_use]
+    pub fn uses_outputs(&self) -> bool {
         self.output_bounds.is_some() || self.tracks_outputs()
     }
 
@@ -194,7 +195,8 @@ impl NmpcProblem {
     }
 
     /// Whether outputs of the model are tracked.
-    pub(crate) fn tracks_outputs(&self) -> bool {
+    #[must_use]
+    pub fn tracks_outputs(&self) -> bool {
         self.tracked.iter().any(|tracked| matches!(tracked, Tracked::Output(_)))
     }
 

@@ -89,7 +89,8 @@ impl Reference {
     }
 
     /// The same, with neighbouring steps in which the value moves on as one range.
-    pub(crate) fn stretches(&self) -> Vec<Range<usize>> {
+    #[must_use]
+    pub fn stretches(&self) -> Vec<Range<usize>> {
         let moves_on = |k: usize| {
             let beside = if k + 1 < self.steps() { k + 1 } else { k.saturating_sub(2) };
             self.changes(k) && self.changes(k.saturating_sub(1)) && self.changes(beside)

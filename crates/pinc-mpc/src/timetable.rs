@@ -99,6 +99,17 @@ pub struct BoundSchedule {
     rows: Timetable,
 }
 
+/// A quantity of the plant that may have bounds.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Bounded {
+    /// A state, by its place.
+    State(usize),
+    /// An input.
+    Input(usize),
+    /// An output.
+    Output(usize),
+}
+
 /// What a bound is of: the place among states, inputs and outputs.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum Part {
@@ -177,7 +188,17 @@ impl BoundSchedule {
     }
 
     /// Both bounds of a quantity in a step.
-    pub(crate) fn at(&self, step: usize, part: Part, i: usize) -> [f64; 2] {
+    ///
+    /// # Panics
+    ///
+    /// If there is no such quantity.
+    #[must_use]
+    pub fn at(&self, step: usize, of: Bounded) -> [f64; 2] {
+        let (part, i) = match of {
+            Bounded::State(i) => (Part::State, i),
+            Bounded::Input(i) => (Part::Input, i),
+            Bounded::Output(i) => (Part::Output, i),
+        };
         let (row, place) = (self.rows.at(step), self.places(part).start + i);
         [row[place], row[place + self.rows.width / 2]]
     }
@@ -202,6 +223,13 @@ impl BoundSchedule {
 }
 
 impl Nmpc {
+    /// After how many steps each stage of a plan ends.
+    #[must_use]
+    pub fn stage_ends(&self) -> Vec<usize> {
+        let times = self.horizon.times();
+        times[1..].iter().map(|&time| steps_until(time, times[1])).collect()
+    }
+
     /// Sets the bounds of the plan that begins at control step `step`: of each stage's steps,
     /// if the controller knows them in advance (`preview`), or else of now.
     pub fn set_bounds_at(&mut self, schedule: &BoundSchedule, step: usize, preview: bool) {

@@ -2,9 +2,10 @@
 #![expect(unsafe_code, reason = "an allocator that counts must implement an unsafe trait")]
 
 use pinc_ad::Scalar;
+use pinc_loop::ClosedLoop;
 use pinc_mpc::{
-    Bounds, ClosedLoop, Constraints, Nmpc, NmpcProblem, QpMethod, Reference, Scenarios, SqpConfig,
-    SqpStatus, StageConstraints, Tracked, Weights,
+    Bounds, Constraints, Nmpc, NmpcProblem, QpMethod, Reference, Scenarios, SqpConfig, SqpStatus,
+    StageConstraints, Tracked, Weights,
 };
 use pinc_ode::{Dims, Dopri5, Linearization, Model, Rk4, Stages};
 use pinc_plants::{FourTanks, VanDerPol};

@@ -2,7 +2,8 @@
 
 use crate::verdict::significant;
 use pinc_config::TimeUnit;
-use pinc_mpc::{Side, Violation};
+use pinc_loop::Violation;
+use pinc_mpc::Side;
 use serde::{Deserialize, Serialize};
 
 /// The share of a quantity's size from which on a broken bound is worth a word.

@@ -9,7 +9,8 @@ use pinc_chart::{
     AMBER, Axis, Color, Figure, INK, Kind, Look, Panel, Point, Shape, Style, extent,
     held_since_previous, held_until_next, input_color, present, state_color,
 };
-use pinc_config::{Bounded, ControlSpec};
+use pinc_config::ControlSpec;
+use pinc_mpc::Bounded;
 use pinc_ode::Variable;
 use pinc_record::ControlRow;
 

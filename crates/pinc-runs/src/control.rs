@@ -10,9 +10,8 @@ use crate::RunError;
 use crate::progress::Stage;
 use pinc_check::{Metered, Rehearsal, Work};
 use pinc_config::{ControlSpec, Experiment, HorizonPlants, ModelKind, Schedule, Variables};
-use pinc_mpc::{
-    BoundSchedule, Bounded, ClosedLoop, Nmpc, NmpcProblem, Reference, Scenarios, Violation,
-};
+use pinc_loop::{ClosedLoop, Violation};
+use pinc_mpc::{BoundSchedule, Bounded, Nmpc, NmpcProblem, Reference, Scenarios};
 use pinc_net::PincNet;
 use pinc_ode::{
     Dims, DynPlant, DynRhs, Integrator, PiecewiseConstant, Scheme, Simulator, Trajectory,

@@ -9,7 +9,7 @@ use pinc_estimate::{
     Augmentation, Augmented, Ekf, Estimator, EstimatorStatus, History, Mhe, OutputFeedback,
     SteadyTarget, Ukf,
 };
-use pinc_mpc::{Observer, PlantNow};
+use pinc_loop::{Observer, PlantNow};
 use pinc_ode::{DynPlant, Model};
 use pinc_record::{EstimateRow, EstimateTable, EstimatorMetrics, StepTimes};
 use rand::SeedableRng;

@@ -1,7 +1,7 @@
 //! What is kept of a closed loop while it runs: its files, written as it goes, and totals.
 
 use crate::RunError;
-use pinc_mpc::{ClosedLoop, StepRecord};
+use pinc_loop::{ClosedLoop, StepRecord};
 use pinc_record::{
     ControlColumns, ControlRow, ControlWriter, FixedReader, FixedWriter, RecordError, StepRow,
     TubeMetrics,

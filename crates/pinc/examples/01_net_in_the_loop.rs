@@ -5,7 +5,8 @@
 #![expect(clippy::print_stdout, reason = "an example shows what it computes")]
 
 use pinc_ad::Scalar;
-use pinc_mpc::{Bounds, ClosedLoop, Nmpc, NmpcProblem, Reference, SqpConfig, SqpStatus, Weights};
+use pinc_loop::ClosedLoop;
+use pinc_mpc::{Bounds, Nmpc, NmpcProblem, Reference, SqpConfig, SqpStatus, Weights};
 use pinc_net::optim::SelfScaledBroydenConfig;
 use pinc_net::{Domain, NetConfig, NetError, Phase, PincModel, PincNet, Training, TrainingConfig};
 use pinc_ode::{Dopri5, Model, Plant, Rk4, Variable};

@@ -8,7 +8,7 @@
 //! | module | what it is for | feature |
 //! |---|---|---|
 //! | [`ode`] | equations ([`Plant`](ode::Plant)), models, Runge-Kutta and Rosenbrock methods, accurate integration | always |
-//! | [`mpc`] | the controller ([`Nmpc`](mpc::Nmpc)) and closed loops | always |
+//! | [`mpc`], [`closed_loop`] | the controller ([`Nmpc`](mpc::Nmpc)); closed loops | always |
 //! | [`ad`], [`qp`] | derivatives; quadratic programs | always |
 #![cfg_attr(
     feature = "net",
@@ -180,6 +180,7 @@ pub use pinc_export as export;
 pub use pinc_expr as expr;
 #[cfg(feature = "identify")]
 pub use pinc_identify as identify;
+pub use pinc_loop as closed_loop;
 pub use pinc_mpc as mpc;
 #[cfg(feature = "net")]
 pub use pinc_net as net;
@@ -208,9 +209,8 @@ pub mod prelude {
     pub use pinc_ad::Scalar;
     #[cfg(feature = "estimate")]
     pub use pinc_estimate::{Augmentation, Augmented, Ekf, Estimator, Mhe, OutputFeedback, Ukf};
-    pub use pinc_mpc::{
-        Bounds, ClosedLoop, Nmpc, NmpcProblem, Reference, SqpConfig, SqpStatus, Weights,
-    };
+    pub use pinc_loop::ClosedLoop;
+    pub use pinc_mpc::{Bounds, Nmpc, NmpcProblem, Reference, SqpConfig, SqpStatus, Weights};
     #[cfg(feature = "net")]
     pub use pinc_net::{Domain, NetConfig, PincModel, PincNet, Training, TrainingConfig};
     pub use pinc_ode::{Dopri5, Model, Plant, Rk4, Rk5, Variable};

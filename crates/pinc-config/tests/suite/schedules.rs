@@ -1,7 +1,8 @@
 //! Schedules as functions of t and as files.
 
 use crate::common::parse;
-use pinc_config::{Bounded, ControlSpec, Experiment};
+use pinc_config::{ControlSpec, Experiment};
+use pinc_mpc::Bounded;
 use pinc_mpc::NmpcProblem;
 use std::fs;
 

@@ -2,7 +2,8 @@
 
 use crate::problems::{four_tanks, van_der_pol};
 use crate::support::{Linear, scalar_problem};
-use pinc_mpc::{Bounds, ClosedLoop, Nmpc, NmpcProblem, Reference, SqpConfig, SqpStatus, Weights};
+use pinc_loop::ClosedLoop;
+use pinc_mpc::{Bounds, Nmpc, NmpcProblem, Reference, SqpConfig, SqpStatus, Weights};
 use pinc_ode::{Dopri5, Model, Rk4};
 use pinc_plants::{FourTanks, VanDerPol};
 

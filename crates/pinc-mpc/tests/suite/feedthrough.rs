@@ -3,9 +3,10 @@
 use crate::optimality::{StepInput, none, residuals_with, scale};
 use crate::outputs::{METHODS, Observed, config};
 use crate::support::{Lag, Linear};
+use pinc_loop::{ClosedLoop, LoopRecord, Observer, PlantNow};
 use pinc_mpc::{
-    Bounds, ClosedLoop, Constraint, IntervalEnd, LoopRecord, Nmpc, NmpcProblem, Observer, PlantNow,
-    Reference, Side, Softness, SqpConfig, SqpStatus, Tracked, Weights,
+    Bounds, Constraint, IntervalEnd, Nmpc, NmpcProblem, Reference, Side, Softness, SqpConfig,
+    SqpStatus, Tracked, Weights,
 };
 use pinc_ode::{Dims, Dopri5, Model, Rk4};
 use pinc_plants::VanDerPol;

@@ -3,8 +3,6 @@
 
 mod agreement;
 mod applied_input;
-mod broken_bounds;
-mod closed_loop;
 mod crawl;
 mod deadlines;
 mod economic;

@@ -3,9 +3,10 @@
 use crate::optimality::{StepInput, none, residuals_with, scale};
 use crate::support::Linear;
 use pinc_ad::Scalar;
+use pinc_loop::ClosedLoop;
 use pinc_mpc::{
-    Bounds, ClosedLoop, Nmpc, NmpcProblem, QpMethod, QuadBlock, Reference, Softness, SqpConfig,
-    SqpStatus, StageCost, StagePoint, Tracked, Weight, Weights,
+    Bounds, Nmpc, NmpcProblem, QpMethod, QuadBlock, Reference, Softness, SqpConfig, SqpStatus,
+    StageCost, StagePoint, Tracked, Weight, Weights,
 };
 use pinc_ode::{
     Dims, Dopri5, Linearization, Model, OutputLinearization, Plant, Rk4, Stages, Variable,

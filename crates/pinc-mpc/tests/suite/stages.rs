@@ -3,9 +3,10 @@
 use crate::optimality::{StepInput, residuals, scale};
 use crate::problems::{four_tanks, four_tanks_loop};
 use crate::support::{Linear, Together, scalar_problem};
+use pinc_loop::ClosedLoop;
 use pinc_mpc::{
-    Bounds, ClosedLoop, Constraints, MpcError, Nmpc, NmpcProblem, QpMethod, Reference, SqpConfig,
-    SqpStatus, Weight, Weights,
+    Bounds, Constraints, MpcError, Nmpc, NmpcProblem, QpMethod, Reference, SqpConfig, SqpStatus,
+    Weight, Weights,
 };
 use pinc_ode::{Dims, Dopri5, Linearization, Model, Rk4, Stages};
 use pinc_plants::FourTanks;

@@ -1,9 +1,9 @@
 //! Bounds and parameters that change with the control steps.
 
 use crate::support::Lag;
+use pinc_loop::ClosedLoop;
 use pinc_mpc::{
-    BoundSchedule, Bounded, Bounds, ClosedLoop, Nmpc, NmpcProblem, Reference, SqpConfig, Timetable,
-    Weights,
+    BoundSchedule, Bounded, Bounds, Nmpc, NmpcProblem, Reference, SqpConfig, Timetable, Weights,
 };
 use pinc_ode::{Dims, Dopri5, Linearization, Model, Rk4, Stages};
 
@@ -111,7 +111,7 @@ fn the_loop_keeps_bounds_that_it_knows() {
         let run = run.with_bounds(schedule);
         let mut run = if preview { run } else { run.without_preview() };
         run.run().unwrap();
-        let of_state = |of: &&pinc_mpc::Violation| of.of == Bounded::State(0) && of.amount > 1e-5;
+        let of_state = |of: &&pinc_loop::Violation| of.of == Bounded::State(0) && of.amount > 1e-5;
         run.violations().find(of_state).copied()
     };
     assert_eq!(broken(true), None);

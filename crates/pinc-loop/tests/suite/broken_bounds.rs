@@ -2,10 +2,8 @@
 
 use crate::problems::four_tanks;
 use crate::support::Lag;
-use pinc_mpc::{
-    Bounded, Bounds, ClosedLoop, Nmpc, NmpcProblem, Reference, Side, Softness, SqpConfig,
-    Violation, Weights,
-};
+use pinc_loop::{ClosedLoop, Violation};
+use pinc_mpc::{Bounded, Bounds, Nmpc, NmpcProblem, Reference, Side, Softness, SqpConfig, Weights};
 use pinc_ode::{Dims, Dopri5, Model, Rk4};
 use pinc_plants::FourTanks;
 

@@ -1,13 +1,11 @@
 //! The controller and the plant together.
 
-use crate::error::check_finite;
 use crate::loop_errors::LoopErrors;
-use crate::observer::Watch;
-use crate::reference::steps_until;
-use crate::violation::{Bounded, Violation, Violations};
-use crate::{
-    BoundSchedule, Constraint, MpcError, Nmpc, Observer, PlantNow, Reference, SqpStatus, StepWork,
-    Timetable, Tracked, Trust,
+use crate::observer::{Observer, PlantNow, Watch};
+use crate::violation::{Violation, Violations};
+use pinc_mpc::{
+    BoundSchedule, Bounded, Constraint, MpcError, Nmpc, Reference, SqpStatus, StepWork, Timetable,
+    Tracked, Trust,
 };
 use pinc_ode::metrics::Tracking;
 use pinc_ode::{Simulator, Trajectory};
@@ -23,7 +21,8 @@ const POINTS: usize = 9;
 /// the tracked quantities at the step marks; [`LoopRecord`](crate::LoopRecord) keeps the rest.
 ///
 /// ```
-/// # use pinc_mpc::{Bounds, ClosedLoop, Nmpc, NmpcProblem, Reference, SqpConfig, Weights};
+/// # use pinc_loop::ClosedLoop;
+/// # use pinc_mpc::{Bounds, Nmpc, NmpcProblem, Reference, SqpConfig, Weights};
 /// # use pinc_ode::{AccurateIntegrator, Model, Rk4};
 /// # use pinc_plants::VanDerPol;
 /// # let plant = VanDerPol::default();
@@ -90,11 +89,11 @@ pub struct StepRecord {
     pub sqp_iterations: usize,
     /// Other work.
     pub work: StepWork,
-    /// The largest KKT residual, [`KktResidual::max`](crate::KktResidual::max).
+    /// The largest KKT residual, [`KktResidual::max`](pinc_mpc::KktResidual::max).
     pub kkt: f64,
     /// A hard constraint that could not be met.
     pub violated: Option<Constraint>,
-    /// Whether negative curvature was dropped: see [`StepReport`](crate::StepReport).
+    /// Whether negative curvature was dropped: see [`StepReport`](pinc_mpc::StepReport).
     pub curvature_dropped: bool,
     /// The cost J of the plan.
     pub cost: f64,
@@ -146,7 +145,7 @@ impl<'a> ClosedLoop<'a> {
             inputs: vec![0.0; (nmpc.problem().delay + 1) * dims.nu],
             acted: [vec![0.0; dims.nu], vec![0.0; dims.nu]],
             window: vec![0.0; nmpc.problem().horizon * outputs],
-            ahead: steps_ahead(nmpc.stage_times_s()),
+            ahead: nmpc.stage_ends().into_iter().map(|end| end - 1).collect(),
             preview: true,
             watch: None,
             record: None,
@@ -439,8 +438,8 @@ impl<'a> ClosedLoop<'a> {
 
     /// The steps by which the controller knows a change of the reference in advance.
     pub(crate) fn preview_steps(&self) -> usize {
-        let times = self.nmpc.stage_times_s();
-        if self.preview { steps_until(times[times.len() - 1], times[1]) } else { 0 }
+        let last = self.ahead.last().filter(|_| self.preview);
+        last.map_or(0, |ahead| ahead + 1)
     }
 
     /// The most by which a bounded state, input or output was outside its bounds on the dense
@@ -486,10 +485,17 @@ impl<'a> ClosedLoop<'a> {
     }
 }
 
-/// The steps from the end of the first stage, which is a step, to the steps in which all end;
-/// `times` are the ends of the stages from the beginning of the first.
-fn steps_ahead(times: &[f64]) -> Vec<usize> {
-    times[1..].iter().map(|&time| steps_until(time, times[1]) - 1).collect()
+/// Whether `values` has `expected` entries, all finite.
+fn check_finite(field: &'static str, values: &[f64], expected: usize) -> Result<(), MpcError> {
+    if values.len() != expected {
+        return Err(MpcError::Length { field, expected, found: values.len() });
+    }
+    match values.iter().position(|value| !value.is_finite()) {
+        Some(index) => {
+            Err(MpcError::Number { field, index, expected: "finite", value: values[index] })
+        }
+        None => Ok(()),
+    }
 }
 
 impl Control<'_, '_> {

@@ -1,19 +1,7 @@
 //! Bounds that a plant in a closed loop has broken.
 
-use crate::timetable::Part;
-use crate::{BoundSchedule, Bounds, NmpcProblem, Side, Softness};
+use pinc_mpc::{BoundSchedule, Bounded, Bounds, NmpcProblem, Side, Softness};
 use pinc_ode::Dims;
-
-/// A quantity of the plant that may have bounds.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Bounded {
-    /// A state, by its place.
-    State(usize),
-    /// An input.
-    Input(usize),
-    /// An output.
-    Output(usize),
-}
 
 /// A bound that the plant has broken on the dense trace of a closed loop.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -61,12 +49,7 @@ impl Violations {
     /// From now on the bounds of `step` hold.
     pub(crate) fn set_bounds_at(&mut self, schedule: &BoundSchedule, step: usize) {
         for (bound, violation) in self.bounds.iter_mut().zip(&self.all) {
-            let (part, i) = match violation.of {
-                Bounded::State(i) => (Part::State, i),
-                Bounded::Input(i) => (Part::Input, i),
-                Bounded::Output(i) => (Part::Output, i),
-            };
-            let [low, high] = schedule.at(step, part, i);
+            let [low, high] = schedule.at(step, violation.of);
             *bound = if violation.side == Side::Low { low } else { high };
         }
     }

@@ -3,9 +3,10 @@
 use crate::problems::van_der_pol;
 use crate::support::{Linear, scalar_problem};
 use pinc_ad::Scalar;
+use pinc_loop::{ClosedLoop, LoopRecord, Observer, PlantNow};
 use pinc_mpc::{
-    Bounded, Bounds, ClosedLoop, LoopRecord, MpcError, Nmpc, NmpcProblem, Observer, PlantNow,
-    Reference, Side, Softness, SqpConfig, SqpStatus, Tracked, Weights,
+    Bounded, Bounds, MpcError, Nmpc, NmpcProblem, Reference, Side, Softness, SqpConfig, SqpStatus,
+    Tracked, Weights,
 };
 use pinc_ode::metrics::Tracking;
 use pinc_ode::{Dopri5, OdeError, Plant, Rk4, Variable};

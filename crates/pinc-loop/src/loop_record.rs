@@ -1,6 +1,7 @@
 //! A closed loop's whole trace, in memory.
 
-use crate::{ClosedLoop, MpcError, StepRecord};
+use crate::{ClosedLoop, StepRecord};
+use pinc_mpc::MpcError;
 use pinc_ode::{Dims, Trajectory};
 
 /// The record of a loop from its beginning. A loop of many steps has a long record.
