@@ -254,8 +254,8 @@ fn an_exported_plant_is_a_plant() {
             );
             config(&fmu).replace("MODEL", "black-box")
         };
-        let names = "variables = { x1 = 'x[1]', x2 = 'x[2]', u = 'u[1]' }";
-        let starts = "start_variables = { x1 = 'x_start[1]', x2 = 'x_start[2]' }";
+        let names = "variables = { x1 = 'x1', x2 = 'x2', u = 'u' }";
+        let starts = "start_variables = { x1 = 'x1_start', x2 = 'x2_start' }";
         let text = plant(&format!("{names}, {starts}"));
         let found = parse(&text, &allowed()).unwrap().plant.dyn_plant();
         let mut found = Simulator::new(&*found as &dyn DynRhs, 1e-9);

@@ -7,7 +7,7 @@ use crate::open::Open;
 use crate::runge_kutta_c::RungeKuttaModel;
 use pinc_expr::PlantEquations;
 use pinc_mpc::{
-    Nmpc, NmpcProblem, ProblemUnits, QpMethod, Reference, Softness, SqpConfig, Tracked,
+    Nmpc, NmpcProblem, ProblemUnits, QpMethod, Reference, Softness, SqpConfig, SqpHessian, Tracked,
 };
 use pinc_net::{PincModel, PincNet};
 use pinc_ode::{Dims, Integrator, Model, WithOutputs};
@@ -214,6 +214,9 @@ impl<'a> Controller<'a> {
         }
         if config.real_time {
             return refuse("real-time iterations", "sqp.real_time = false and a budget");
+        }
+        if config.hessian == SqpHessian::Adaptive {
+            return refuse("sqp.hessian = \"adaptive\"", "sqp.hessian = \"gauss-newton\"");
         }
         let inputs = problem.control_horizon * dims.nu;
         let coupled = problem.weights.input_sequence.is_some();

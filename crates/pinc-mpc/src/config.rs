@@ -50,6 +50,22 @@ impl fmt::Display for SqpStatus {
     }
 }
 
+/// The Hessian of the QPs. With a stage cost that leaves out its own ([`StageCost`](crate::StageCost))
+/// it is always the exact one.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+#[non_exhaustive]
+pub enum SqpHessian {
+    /// `Adaptive` on a scenario tree, otherwise `GaussNewton`.
+    #[default]
+    Auto,
+    /// Without the curvature of model, outputs, h and g.
+    GaussNewton,
+    /// Gauss-Newton, and where it is slow the exact Hessian of the Lagrangian, made convex. It needs
+    /// second derivatives, which make a QP several times as expensive.
+    Adaptive,
+}
+
 /// The choices of the optimization.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
@@ -63,11 +79,19 @@ pub struct SqpConfig {
     pub real_time: bool,
     /// The method that solves the QPs.
     pub qp: QpMethod,
+    /// The Hessian of the QPs.
+    pub hessian: SqpHessian,
 }
 
 impl Default for SqpConfig {
     fn default() -> Self {
-        Self { tolerance: 1e-8, max_iterations: 50, real_time: false, qp: QpMethod::Auto }
+        Self {
+            tolerance: 1e-8,
+            max_iterations: 50,
+            real_time: false,
+            qp: QpMethod::Auto,
+            hessian: SqpHessian::Auto,
+        }
     }
 }
 

@@ -56,7 +56,7 @@ mod work;
 pub use barzilai_borwein::BarzilaiBorwein;
 pub use bounds::{Bounds, Softness};
 pub use builder::NmpcBuilder;
-pub use config::{SqpConfig, SqpStatus};
+pub use config::{SqpConfig, SqpHessian, SqpStatus};
 pub use constraint::{Constraint, Side};
 pub use constraints::{Constraints, StageConstraints};
 pub use controller::Nmpc;

@@ -293,7 +293,8 @@ pub fn advice(status: &str) -> &'static str {
         "No plan keeps all bounds: widen them, lengthen the horizon n2, or let states leave their \
          bounds where they must with state_softness = \"exact\"."
     } else if is(SqpStatus::IterationLimit) {
-        "Allow more of control.sqp.max_iterations, shorten T, or move the references in smaller steps."
+        "Allow more of control.sqp.max_iterations, try control.sqp.hessian = \"adaptive\", shorten T, or \
+         move the references in smaller steps."
     } else if is(SqpStatus::NumericalTrouble) {
         "The model gave no numbers that can be used: give it more substeps, or take \"rosenbrock\" for \
          a stiff plant; a net should be trained on all of the box where the loop goes."

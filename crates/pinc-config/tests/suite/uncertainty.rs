@@ -94,7 +94,7 @@ fn what_makes_no_tube_is_refused_by_name() {
                 of("parameters={ a = [0.5, 1.0] }"),
                 "control.parameter_schedule=[{ start_s = 0.0, values = { a = 2.0 } }]".to_owned(),
             ],
-            "not in control.parameter_schedule",
+            "no parameters of the loop can vary",
         ),
     ] {
         let sets: Vec<&str> = sets.iter().map(String::as_str).collect();

@@ -388,7 +388,8 @@ pub(crate) fn compare_within(case: &Case, steps: usize, seed: u64, budget: Budge
         }
         seen[expected.status] += 1;
     }
-    assert!(others <= 1 + steps / 250, "{others} steps cut elsewhere");
+    // The library condenses with fused products, C without.
+    assert!(others <= 2 + steps / 250, "{others} steps cut elsewhere");
     seen
 }
 

@@ -564,7 +564,7 @@ impl Nmpc {
         self.plan_state = plan_state;
         self.phase = Phase::Solved;
         if !solved {
-            tracing::debug!(%status, iterations, kkt = last.max(), "a control step did not converge");
+            tracing::debug!(%status, iterations, kkt = last.max(), "the step did not converge");
         }
         if tentative {
             let first = self.dims.input(0);
@@ -572,8 +572,6 @@ impl Nmpc {
         } else if !followed {
             self.plan.copy_from(&self.fallback);
         }
-        // Whatever came before: what leaves is within the limits, counted from the input applied
-        // last.
         self.sqp.project(&mut self.plan, &self.previous);
         (status, followed)
     }

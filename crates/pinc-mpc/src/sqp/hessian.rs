@@ -1,5 +1,7 @@
 //! Which Hessian the programs have.
 
+use crate::SqpHessian;
+
 /// The Hessian of a program.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Hessian {
@@ -20,7 +22,8 @@ const FAST_ENOUGH: f64 = 0.1;
 /// expensive and may have to be made convex far from a solution.
 ///
 /// An iteration begins with Gauss-Newton. Where a Hessian is slow, the other one is tried. A stage
-/// cost that leaves out its Hessian has the exact one throughout.
+/// cost that leaves out its Hessian has the exact one throughout; `SqpConfig::hessian` may leave no choice
+/// either.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct HessianChoice {
     only: Option<Hessian>,
@@ -33,6 +36,20 @@ pub(super) struct HessianChoice {
 }
 
 impl HessianChoice {
+    /// Begins an iteration on a chain or a tree, with a cost that may leave out its Hessian.
+    pub(super) fn of(hessian: SqpHessian, leaves_out: bool, is_chain: bool) -> Self {
+        let gauss_newton = match hessian {
+            SqpHessian::Auto => is_chain,
+            SqpHessian::GaussNewton => true,
+            SqpHessian::Adaptive => false,
+        };
+        Self::new(if leaves_out {
+            Some(Hessian::Exact)
+        } else {
+            gauss_newton.then_some(Hessian::GaussNewton)
+        })
+    }
+
     /// Begins an iteration; `only` one Hessian may be possible.
     pub(super) fn new(only: Option<Hessian>) -> Self {
         let current = only.unwrap_or(Hessian::GaussNewton);

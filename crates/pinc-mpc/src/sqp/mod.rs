@@ -321,7 +321,7 @@ impl Sqp {
         let (mut iterations, mut least) = (0, point.kkt.max());
         let (mut conflict, mut plan_state) = (None, PlanState::Evaluated);
         let (mut curvature_dropped, always) = (false, self.transcription.leaves_out_hessian());
-        self.hessian = HessianChoice::new(always.then_some(Hessian::Exact));
+        self.hessian = HessianChoice::of(self.config.hessian, always, self.qp.dims.tree.is_chain());
         self.settled = false;
         let status = loop {
             if let Some(status) = self.check_termination(point.kkt, iterations) {

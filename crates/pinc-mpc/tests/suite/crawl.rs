@@ -3,10 +3,14 @@
 
 use pinc_ad::Scalar;
 use pinc_mpc::{
-    Bounds, Constraints, Nmpc, NmpcProblem, Softness, SqpConfig, SqpStatus, StageConstraints,
-    Tracked, Weights,
+    Bounds, Constraints, Nmpc, NmpcProblem, Softness, SqpConfig, SqpHessian, SqpStatus,
+    StageConstraints, Tracked, Weights,
 };
 use pinc_ode::{Dims, Linearization, Model, OutputLinearization, Plant, Rk4, Stages, Variable};
+
+fn adaptive() -> SqpConfig {
+    SqpConfig { hessian: SqpHessian::Adaptive, ..SqpConfig::default() }
+}
 
 /// Variables without names.
 static NONE: [Variable; 4] = [const { Variable::new("", "") }; 4];
@@ -70,7 +74,7 @@ fn soft_bounds_of_a_curved_model_take_few_programs() {
         ),
         ..NmpcProblem::new(plant.dims(), 9, Weights::uniform(q, r))
     };
-    let mut nmpc = Nmpc::new(problem, Box::new(plant.clone()), SqpConfig::default()).unwrap();
+    let mut nmpc = Nmpc::new(problem, Box::new(plant.clone()), adaptive()).unwrap();
     let mut x = vec![1.4745443038321122, 0.8280424584647441, 0.8807752117187858, 1.207398173591761];
     nmpc.reset_to(&x, &[0.023535599769885084, 0.006729475913295518]).unwrap();
     let reference = [0.7599491152946728, 0.41021233972075666].repeat(9);
@@ -157,7 +161,7 @@ fn the_nearest_points_of_a_disc_are_found() {
             }
             false => problem.constraints = Some(Constraints::new(Disc)),
         }
-        let mut nmpc = Nmpc::new(problem, Box::new(Placed), SqpConfig::default()).unwrap();
+        let mut nmpc = Nmpc::new(problem, Box::new(Placed), adaptive()).unwrap();
         nmpc.reset_to(&[0.1, -0.7], &[0.1, -0.7]).unwrap();
         let step = nmpc.step(&[0.1, -0.7], &reference).unwrap();
         let iterations = step.sqp_iterations;

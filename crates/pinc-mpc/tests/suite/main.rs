@@ -25,6 +25,7 @@ mod stream;
 mod support;
 mod survey;
 mod timetable;
+mod together;
 mod tube;
 mod units;
 mod wicked;

@@ -2,7 +2,8 @@
 
 use crate::optimality::{StepInput, residuals, scale};
 use crate::problems::{four_tanks, four_tanks_loop};
-use crate::support::{Linear, Together, scalar_problem};
+use crate::support::{Linear, scalar_problem};
+use crate::together::Together;
 use pinc_loop::ClosedLoop;
 use pinc_mpc::{
     Bounds, Constraints, MpcError, Nmpc, NmpcProblem, QpMethod, Reference, SqpConfig, SqpStatus,

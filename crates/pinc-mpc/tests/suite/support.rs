@@ -1,7 +1,7 @@
 //! Models, problems and constraints that several tests use.
 
 use pinc_ad::Scalar;
-use pinc_mpc::{NmpcProblem, StageConstraints, Weights};
+use pinc_mpc::{NmpcProblem, Weights};
 use pinc_ode::{Dims, Linearization, Model, Plant, Stages, Variable};
 
 /// x' = rate (u - x) with two outputs at most, c x or c x + u: c, and whether u is added.
@@ -87,22 +87,4 @@ impl Model for Linear {
 pub(crate) fn scalar_problem(last: usize, control: usize) -> NmpcProblem {
     let weights = Weights::uniform(vec![2.0], vec![3.0]);
     NmpcProblem { control_horizon: control, ..NmpcProblem::new(Dims::new(1, 1), last, weights) }
-}
-
-/// No more than 20 in the two lower tanks together: x1 + x2 <= 20, with levels counted in numbers
-/// so many times larger, and the row again in others.
-#[derive(Debug)]
-pub(crate) struct Together {
-    pub(crate) x: f64,
-    pub(crate) row: f64,
-}
-
-impl StageConstraints for Together {
-    fn inequalities(&self) -> usize {
-        1
-    }
-
-    fn evaluate<S: Scalar>(&self, x: &[S], _u: &[S], h: &mut [S], _g: &mut [S]) {
-        h[0] = ((x[0] + x[1]) / self.x - 20.0) * self.row;
-    }
 }

@@ -1,7 +1,7 @@
 //! The units of states, inputs and cost do not matter.
 
 use crate::problems::{Loop, four_tanks_loop, van_der_pol_loop};
-use crate::support::Together;
+use crate::together::Together;
 use pinc_mpc::{Bounds, Constraints, Nmpc, QpMethod, SqpConfig, SqpStatus, Weights};
 use pinc_ode::{Dims, Linearization, Model, Rk4, Stages};
 use pinc_plants::{FourTanks, VanDerPol};

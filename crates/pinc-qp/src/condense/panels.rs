@@ -6,8 +6,9 @@ use crate::product::{Factor, ROWS, To, multiply, padded};
 use crate::{OcpDims, Qp};
 use pinc_ad::simd::{Isa, Simd, Task};
 
-/// About how many operations there are between two looks at the clock: a few microseconds.
-const UNASKED: usize = 100_000;
+/// About how many operations there are between two looks at the clock, counted column by column, as
+/// in exported C: a few microseconds.
+const UNASKED: usize = 20_000;
 
 /// `x_{j+1} = e_{j+1} + G_{j+1} v` for all stages, and what H and the gradient are made from.
 ///
@@ -25,8 +26,8 @@ pub(super) struct Panels {
     adjoints: [Vec<f64>; 2],
     /// The gradient and the lower triangle of H, `[Nu m, stride]`.
     inputs: Vec<f64>,
-    /// The number of stages between two looks at the clock.
-    unasked: usize,
+    /// How many looks at the clock there are.
+    looks: usize,
 }
 
 impl Panels {
@@ -39,7 +40,7 @@ impl Panels {
             states: vec![0.0; horizon * n * stride],
             adjoints: [vec![0.0; n * stride], vec![0.0; n * stride]],
             inputs: vec![0.0; dims.all_inputs() * stride],
-            unasked: (UNASKED / (3 * n * (n + m) * stride)).max(1),
+            looks: (dims.n_controls - 1) / (UNASKED / (4 * m * horizon * n * (n + m))).max(1),
         }
     }
 
@@ -91,16 +92,17 @@ impl Task for Condense<'_> {
         let Self { panels, qp, expired } = self;
         sized!(qp.dims, |n, m| {
             panels.drive(qp, n, m);
-            for j in 0..qp.dims.horizon {
+            let horizon = qp.dims.horizon;
+            for j in 0..horizon {
                 panels.respond(zero, qp, (n, m), j);
-                if panels.looks_after(j) && expired() {
+                if panels.looks_after(j, horizon) && expired() {
                     return false;
                 }
             }
             panels.inputs.fill(0.0);
-            for j in (0..qp.dims.horizon).rev() {
+            for j in (0..horizon).rev() {
                 panels.return_to(zero, qp, (n, m), j);
-                if panels.looks_after(j) && expired() {
+                if panels.looks_after(2 * horizon - 1 - j, horizon) && expired() {
                     return false;
                 }
             }
@@ -110,10 +112,12 @@ impl Task for Condense<'_> {
 }
 
 impl Panels {
-    /// Whether it is time to look at the clock.
+    /// Whether to look at the clock after this one of the 2 N stages of both recursions: the looks
+    /// are spread over them.
     #[inline(always)]
-    fn looks_after(&self, j: usize) -> bool {
-        j % self.unasked == self.unasked - 1
+    fn looks_after(&self, stage: usize, horizon: usize) -> bool {
+        self.looks > 0
+            && (stage + 1) * self.looks / (2 * horizon) > stage * self.looks / (2 * horizon)
     }
 
     /// The width of the panels at stage `j`, whose state depends on the inputs up to the one that

@@ -287,8 +287,8 @@ seed = 1
 states = [{ name = "h", unit = "cm" }]
 inputs = [{ name = "u", unit = "V" }]
 parameters = { k = 1.86 }
-derivatives = { h = "(k*u - 0.8*h + 2*rest)/28" }
-nets.rest = { inputs = ["(h - 6)/4"], outputs = ["rest"], layers = [3] }
+derivatives = { h = "(k*u - 0.8*h + 2*missing)/28" }
+nets.rest = { inputs = ["(h - 6)/4"], outputs = ["missing"], layers = [3] }
 [identify]
 initial_state = [8.0]
 measurement_sd = [0.02]
@@ -317,7 +317,10 @@ fn a_hybrid_is_learned_judged_on_unseen_data_and_a_plant_like_any_other() {
         (found.stdout, json(Path::new(&out)))
     };
     let error = |of: &Value| of["held_out"][0]["rms"]["h"].as_f64().unwrap();
-    let equation = ["identify.nets=[]", "identify.parameters=[{ name = \"k\", initial = 1.86 }]"];
+    let equation = [
+        "identify.nets=[]",
+        "identify.parameters=[{ name = \"k\", initial = 1.86, low = 1.0, high = 3.0 }]",
+    ];
     let (said, without) = identify(&config, "without", &equation);
     assert!(said.contains("note: h: the residuals are not white"), "{said}");
     let (said, with) = identify(&config, "with", &[]);

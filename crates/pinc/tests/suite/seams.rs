@@ -452,6 +452,7 @@ fn keys() -> Vec<(&'static str, Vec<&'static str>, About)> {
         ("sqp.tolerance", vec!["control.sqp.tolerance=1e-2"], Controller),
         ("sqp.max_iterations", vec!["control.sqp.max_iterations=1"], Controller),
         ("sqp.real_time", vec!["control.sqp.real_time=true"], Controller),
+        ("sqp.hessian", vec!["control.sqp.hessian=\"adaptive\""], Unseen),
         ("sqp.qp", vec!["control.sqp.qp=\"clarabel\""], Unseen),
     ]
 }
