@@ -39,7 +39,7 @@ pub struct EllipsoidTube {
     units: TubeUnits,
     /// z
     quantile: f64,
-    /// P at x_0 .. x_N, `[N + 1, n, n]`.
+    /// P at `x_0` .. `x_N`, `[N + 1, n, n]`.
     p: Vec<f64>,
     /// E, `[n, n]`.
     e: Vec<f64>,
@@ -118,7 +118,7 @@ impl EllipsoidTube {
         })
     }
 
-    /// The covariances of the states x_0 .. x_N of the last plan, `[N + 1, n, n]`.
+    /// The covariances of the states `x_0` .. `x_N` of the last plan, `[N + 1, n, n]`.
     #[must_use]
     pub fn covariances(&self) -> &[f64] {
         &self.p
@@ -130,7 +130,7 @@ impl EllipsoidTube {
         &self.gains.k
     }
 
-    /// How far h'x can be from the plan at x_j, of which the bounded and constant deviations are the
+    /// How far h'x can be from the plan at `x_j`, of which the bounded and constant deviations are the
     /// present ones.
     fn width(&self, h: &[f64], j: usize) -> f64 {
         let n = h.len();

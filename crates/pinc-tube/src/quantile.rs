@@ -60,7 +60,7 @@ pub fn normal_quantile(p: f64) -> f64 {
 mod tests {
     use super::*;
 
-    /// SciPy's `norm.ppf`.
+    /// By `norm.ppf` of `SciPy`.
     #[test]
     fn agrees_with_scipy() {
         for (p, expected) in [

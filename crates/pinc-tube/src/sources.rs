@@ -100,7 +100,9 @@ impl Sources {
         };
         length("the parameters of the tube's model", model.dims().np, dims.np + more.len())?;
         for &Interval { place, low, high } in &self.parameters {
-            if place >= model.dims().np || !(low <= high) {
+            if place >= model.dims().np
+                || low.partial_cmp(&high).is_none_or(std::cmp::Ordering::is_gt)
+            {
                 let expected = "a low end below a high one, of a parameter of the model";
                 return Err(TubeError::Number { field: "an interval", value: low, expected });
             }

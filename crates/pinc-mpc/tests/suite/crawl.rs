@@ -61,7 +61,7 @@ fn soft_bounds_of_a_curved_model_take_few_programs() {
     let mut plant = Rk4::new(Reactors, 12.0, 2);
     let penalty = vec![15.39791914491194, 66.48495461426836, 76.20021677828072, 31.768582086702537];
     let q = vec![4.4621445807819535, 1.56465720387678];
-    let r = vec![85.41624433403309, 3534.6986120896668];
+    let r = vec![85.416_244_334_033, 3_534.698_612_089_666_6];
     let problem = NmpcProblem {
         tracked: vec![Tracked::State(3), Tracked::Output(0)],
         control_horizon: 5,
