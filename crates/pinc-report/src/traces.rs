@@ -221,7 +221,7 @@ mod tests {
             writer.push(&row).unwrap();
         }
         writer.finish().unwrap();
-        ControlReader::open(path, 1, &columns.controlled).unwrap().unwrap()
+        ControlReader::open(path, [2, 1], &columns.controlled).unwrap().unwrap()
     }
 
     #[test]

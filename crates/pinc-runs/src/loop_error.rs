@@ -28,7 +28,8 @@ pub(crate) fn write(
         return Ok(());
     };
     let controlled = &setup.spec.controlled;
-    let Some(reader) = ControlReader::open(trace, plant.dims().nu, controlled)? else {
+    let sizes = [plant.dims().nx, plant.dims().nu];
+    let Some(reader) = ControlReader::open(trace, sizes, controlled)? else {
         return Ok(());
     };
     let mut judge = Judge {

@@ -93,33 +93,30 @@ pub struct ControlReader {
 }
 
 impl ControlReader {
-    /// Begins to read the trace of a loop with so many inputs in which the quantities `controlled`
-    /// follow references; `None` if the file does not exist.
+    /// Begins to read the trace of a loop with so many states and inputs in which the quantities
+    /// `controlled` follow references; `None` if the file does not exist.
     ///
     /// # Errors
     ///
     /// [`RecordError`], with the line and column of what is wrong.
     pub fn open(
         path: &Path,
-        inputs: usize,
+        [states, inputs]: [usize; 2],
         controlled: &[String],
     ) -> Result<Option<Self>, RecordError> {
         let Some(file) = CsvReader::open(path)? else { return Ok(None) };
         let head = &file.head;
         let t = head.place(TIME)?;
-        // The references stand together after the inputs; what follows them are outputs.
         let wanted: Vec<String> = controlled.iter().map(|name| reference_column(name)).collect();
         let names: Vec<&str> = head.header.iter().collect();
-        let together = |place: &usize| names[*place..].iter().zip(&wanted).all(|(a, b)| a == b);
-        let places = (t + 1..=names.len().saturating_sub(wanted.len())).rev();
-        let Some(reference) = places.into_iter().find(together) else {
-            let lacks = wanted.iter().find(|name| !names.contains(&name.as_str()));
-            return Err(head.missing(lacks.or(wanted.first()).map_or("", String::as_str)));
-        };
+        let input = t + 1 + states;
+        let reference = input + inputs;
         let output = reference + wanted.len();
-        let Some(input) = reference.checked_sub(inputs).filter(|input| *input > t) else {
-            return Err(head.missing("the inputs"));
-        };
+        if names.get(reference..output).is_none_or(|there| there != wanted) {
+            let lacks = wanted.iter().find(|name| !names.contains(&name.as_str()));
+            let lacks = lacks.or(wanted.first()).map_or("the inputs", String::as_str);
+            return Err(head.missing(lacks));
+        }
         let names = |places: Range<usize>| names[places].iter().map(|&n| n.to_owned()).collect();
         let columns = ControlColumns {
             states: names(t + 1..input),
@@ -182,15 +179,26 @@ mod tests {
         let dir = tempfile::tempdir().unwrap();
         let path = dir.path().join("control.csv");
         let mut writer = ControlWriter::create(&path, &columns).unwrap();
-        assert!(ControlReader::open(&path, 1, &columns.controlled).unwrap().is_none());
+        assert!(ControlReader::open(&path, [2, 1], &columns.controlled).unwrap().is_none());
         rows.iter().for_each(|row| writer.push(row).unwrap());
         writer.finish().unwrap();
-        let reader = ControlReader::open(&path, 1, &columns.controlled).unwrap().unwrap();
+        let reader = ControlReader::open(&path, [2, 1], &columns.controlled).unwrap().unwrap();
         assert_eq!(*reader.columns(), columns);
         assert_eq!(reader.collect::<Result<Vec<_>, _>>().unwrap(), rows);
-        let other = ControlReader::open(&path, 1, &["c".to_owned()]).unwrap_err().to_string();
+        let other = ControlReader::open(&path, [2, 1], &["c".to_owned()]).unwrap_err().to_string();
         assert!(other.contains("control.csv:1: no column `c_ref`"), "{other}");
         drop(ControlWriter::create(&path, &ControlColumns::default()).unwrap());
-        assert_eq!(std::fs::read_dir(&dir).unwrap().count(), 1);
+
+        // Where nothing is controlled, outputs follow the inputs.
+        let columns = ControlColumns { controlled: vec![], ..columns };
+        let path = dir.path().join("free.csv");
+        let mut writer = ControlWriter::create(&path, &columns).unwrap();
+        let free = ControlRow { reference: vec![], ..row(0.5) };
+        writer.push(&free).unwrap();
+        writer.finish().unwrap();
+        let reader = ControlReader::open(&path, [2, 1], &[]).unwrap().unwrap();
+        assert_eq!(*reader.columns(), columns);
+        assert_eq!(reader.collect::<Result<Vec<_>, _>>().unwrap(), [free]);
+        assert_eq!(std::fs::read_dir(&dir).unwrap().count(), 2);
     }
 }

@@ -55,7 +55,8 @@ fn run(text: &str, sets: &[&str]) -> (ControlMetrics, Vec<ControlRow>) {
     let experiment = experiment(text, sets);
     let metrics = control(dir.path(), &experiment, false, Some(ModelKind::RK4));
     let path = dir.path().join(file::control(ModelKind::RK4, 1));
-    let reader = ControlReader::open(&path, 1, &["x".to_owned()]).unwrap().unwrap();
+    let states = experiment.plant.variables().states.len();
+    let reader = ControlReader::open(&path, [states, 1], &["x".to_owned()]).unwrap().unwrap();
     (metrics.control[0].clone(), reader.collect::<Result<_, _>>().unwrap())
 }
 

@@ -37,8 +37,9 @@ impl Closed {
         let spec = experiment.control.clone().unwrap();
         let path = |name: PathBuf| run.join(name);
         let trace = path(file::control(kind, 1).into());
-        let inputs = experiment.plant.variables().inputs.len();
-        let trace = ControlReader::open(&trace, inputs, &spec.controlled).unwrap().unwrap();
+        let of = experiment.plant.variables();
+        let sizes = [of.states.len(), of.inputs.len()];
+        let trace = ControlReader::open(&trace, sizes, &spec.controlled).unwrap().unwrap();
         let trace: Vec<ControlRow> = trace.map(Result::unwrap).collect();
         let steps: Vec<StepRow> =
             read_fixed_table(&path(file::steps(kind, 1).into())).unwrap().unwrap();

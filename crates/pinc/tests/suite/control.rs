@@ -94,7 +94,14 @@ fn metrics(dir: &Path) -> Metrics {
 fn trace(dir: &Path, model: ModelKind, models: usize, controlled: &[&str]) -> Vec<ControlRow> {
     let controlled: Vec<String> = controlled.iter().map(|&name| name.to_owned()).collect();
     let path = dir.join("run").join(file::control(model, models));
-    ControlReader::open(&path, 1, &controlled).unwrap().unwrap().collect::<Result<_, _>>().unwrap()
+    let config = dir.join("run").join(file::CONFIG);
+    let states = pinc_config::Experiment::load(&config, &[], &pinc_config::Plants::default());
+    let states = states.unwrap().plant.variables().states.len();
+    ControlReader::open(&path, [states, 1], &controlled)
+        .unwrap()
+        .unwrap()
+        .collect::<Result<_, _>>()
+        .unwrap()
 }
 
 /// With the equation and with a net the output reaches its references; files and report have it,
