@@ -99,7 +99,9 @@ impl Page<'_> {
             .iter()
             .filter(|word| word.content.as_ref().is_some_and(Shape::is_table))
             .collect();
-        if tables.is_empty() {
+        // What is listed as words has no heading of its own.
+        let is_listed = self.described.get(name).is_some_and(|before| !before.starts_with('['));
+        if tables.is_empty() || is_listed {
             return;
         }
         self.text += &title;

@@ -69,8 +69,7 @@ impl Run {
         let control = match &experiment.control {
             None => Traces::default(),
             Some(spec) => {
-                let of = experiment.plant.variables();
-                let sizes = [of.states.len(), of.inputs.len()];
+                let sizes = [spec.initial_state.len(), spec.input_low.len()];
                 let open = |path: &Path| ControlReader::open(path, sizes, &spec.controlled);
                 let readers = read_models(dir, file::control, only, open)?;
                 Traces::read(readers, spec, step_s(&experiment), second)?

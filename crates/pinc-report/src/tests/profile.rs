@@ -9,6 +9,8 @@ fn with_array() -> TempDir {
     let dir = whole();
     let controlled = CONFIG.replace("controlled = [\"a\", \"b\"]", "controlled = [\"T[3]\"]");
     assert_ne!(controlled, CONFIG);
+    let states = format!("initial_state = {:?}", [0.0; 12]);
+    let controlled = controlled.replace("initial_state = [0.0, 1.0, 1.0]", &states);
     write(&dir, "config.toml", &controlled);
     let names: Vec<_> = (1..=12).map(|i| format!("T[{i}]")).collect();
     for (model, offset) in [("pinc", 1e-4), ("rk4", 0.0)] {
