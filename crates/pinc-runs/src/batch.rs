@@ -36,12 +36,17 @@ impl BatchController {
     ) -> Result<Self, RunError> {
         let chosen = Chosen::of(experiment, model, only, command)?;
         let (setup, spec) = (chosen.setup(), chosen.spec);
-        let of_time = [
+        let of_a_loop = [
             ("control.bound_schedule", !spec.bound_schedule.is_empty()),
             ("control.first_plan", spec.first_plan.is_some()),
+            ("control.target", spec.target),
+            ("control.uncertainty", spec.uncertainty.is_some()),
         ];
-        if let Some(key) = first(of_time) {
-            let problem = format!("steps of a batch have no time, but the config has `{key}`");
+        if let Some(key) = first(of_a_loop) {
+            let problem = format!(
+                "steps of a batch have no time, no earlier plan and no estimator, but the config has \
+                 `{key}`"
+            );
             return Err(RunError::usage(format!("`{command}`"), problem));
         }
         let make = || setup.judged_controller(chosen.kind, &*chosen.plant).map(|(nmpc, _)| nmpc);

@@ -212,9 +212,6 @@ impl LiveController {
     ///
     /// [`RunError`] if `smoothing` is not positive, or inputs are whole numbers.
     pub fn sensitivity(&mut self, smoothing: Option<f64>) -> Result<Sensitivity<'_>, RunError> {
-        if !self.spec.integer.is_empty() {
-            return Err(RunError::usage("control.integer", "whole inputs have no derivatives"));
-        }
         Ok(Sensitivity::new(&mut self.nmpc, &self.window, &self.before, smoothing)?)
     }
 

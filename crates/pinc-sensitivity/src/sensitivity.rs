@@ -129,7 +129,7 @@ impl<'a> Sensitivity<'a> {
     /// # Errors
     ///
     /// [`MpcError`] if an argument is of the wrong length or not finite, or `smoothing` not
-    /// positive; or if the plan is one for scenarios.
+    /// positive; or if the plan is one for scenarios, in a tube or with whole inputs.
     pub fn new(
         nmpc: &'a mut Nmpc,
         reference: &[f64],
@@ -140,6 +140,9 @@ impl<'a> Sensitivity<'a> {
         let dims = program.constants().dims;
         if !dims.tree.is_chain() {
             return Err(MpcError::ScenarioDerivatives);
+        }
+        if program.nmpc().is_searched() {
+            return Err(MpcError::SearchedDerivatives);
         }
         if program.nmpc().tightened().is_some() {
             return Err(MpcError::WithTube("derivatives of a plan"));

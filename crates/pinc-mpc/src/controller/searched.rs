@@ -7,6 +7,12 @@ use crate::search::{Expired, Programs};
 use crate::sqp::{Outcome, StepInput};
 
 impl Nmpc {
+    /// Whether its plans are searched for, as those with whole inputs.
+    #[must_use]
+    pub fn is_searched(&self) -> bool {
+        self.search.is_some()
+    }
+
     /// Searches beyond the plan found, unless there is none.
     pub(super) fn look_further(
         &mut self,

@@ -23,6 +23,10 @@ fn what_a_batch_does_not_have_is_refused() {
             "control.bound_schedule",
         ),
         ("control.first_plan={ input = [0.1] }", "control.first_plan"),
+        (
+            "control.uncertainty={ probability = \"worst-case\", boxes = { x1 = 0.01 } }",
+            "control.uncertainty",
+        ),
     ] {
         let error = batch(&[set]).unwrap_err();
         assert!(error.contains(key) && error.contains("no time"), "{error}");

@@ -1,12 +1,38 @@
 //! Controllers whose plans have no derivatives.
 
-use pinc_mpc::{Bounds, MpcError, Nmpc, NmpcProblem, Tracked, Weights};
+use crate::problems::four_tanks;
+use pinc_mpc::{
+    Bounds, MpcError, Nmpc, NmpcProblem, PlanSearch, Programs, SqpStatus, Tracked, Weights,
+};
 use pinc_ode::{Model, Rk4};
 use pinc_plants::FourTanks;
 use pinc_sensitivity::Sensitivity;
 use pinc_tube::{EllipsoidTube, Feedback, Sources, TubeUnits};
 
 const N: usize = 6;
+
+/// A search that leaves each plan as it is.
+#[derive(Debug)]
+struct Unchanged;
+
+impl PlanSearch for Unchanged {
+    fn search(&mut self, _: &mut Programs<'_>) -> SqpStatus {
+        SqpStatus::Converged
+    }
+
+    fn admit(&self, _: &mut [f64]) {}
+}
+
+#[test]
+fn searched_plans_have_no_derivatives() {
+    let model = Rk4::new(FourTanks::antonelo(), 10.0, 4);
+    let nmpc = Nmpc::builder(four_tanks()).model(Box::new(model)).search(Box::new(Unchanged));
+    let mut nmpc = nmpc.build().unwrap();
+    let reference = [9.2, 14.2].repeat(5);
+    nmpc.step(&[8.5, 13.0, 2.2, 2.2], &reference).unwrap();
+    let refused = Sensitivity::new(&mut nmpc, &reference, &[0.0; 2], None).unwrap_err();
+    assert_eq!(refused, MpcError::SearchedDerivatives);
+}
 
 #[test]
 fn plans_in_a_tube_have_no_derivatives() {
