@@ -30,8 +30,8 @@ pub(super) enum To {
     Set,
 }
 
-/// to += factor from or to = factor from, where `factor` is of shape `[rows, inner]`: the first `width` columns of these
-/// rows, and what is beyond them in the last vectors.
+/// to += factor from or to = factor from, where `factor` is of shape `[rows, inner]`: the first
+/// `width` columns of these rows, and what is beyond them in the last vectors.
 #[inline(always)]
 pub(super) fn multiply<V: Simd>(
     zero: V,

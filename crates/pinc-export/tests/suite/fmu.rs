@@ -82,6 +82,20 @@ fn a_time_budget_is_replaced_by_a_count_and_that_is_said() {
     }
 }
 
+/// What `driver` prints about the sources of the controller's FMU.
+fn driven(case: &Case, driver: &str) -> Vec<f64> {
+    let export = |controller: &Controller<'_>, name: &Name, origin: &Origin| {
+        controller_to_fmu(controller, name, origin, FmiVersion::Two)
+    };
+    let flat = |file: GeneratedFile| GeneratedFile {
+        path: file.path.trim_start_matches("sources/").to_owned(),
+        ..file
+    };
+    let files: Vec<_> = case.export_by(None, export).unwrap().into_iter().map(flat).collect();
+    let options = ["-Wno-unused-parameter"];
+    Sources::with_included(&files, "ctl_fmu.c").drive(driver, &options, &[])
+}
+
 /// Increments so small that the input moves on at every sample, though nothing else does; from an
 /// initial input on; with a measurement that is missing for two samples.
 #[test]
@@ -95,16 +109,7 @@ fn a_controller_chooses_anew_at_every_sample() {
         begin: Begin { initial_input: Some(vec![0.7]), ..Begin::default() },
         ..oscillator_case()
     };
-    let export = |controller: &Controller<'_>, name: &Name, origin: &Origin| {
-        controller_to_fmu(controller, name, origin, FmiVersion::Two)
-    };
-    let flat = |file: GeneratedFile| GeneratedFile {
-        path: file.path.trim_start_matches("sources/").to_owned(),
-        ..file
-    };
-    let files: Vec<_> = case.export_by(None, export).unwrap().into_iter().map(flat).collect();
-    let options = ["-Wno-unused-parameter"];
-    let found = Sources::with_included(&files, "ctl_fmu.c").drive(DRIVER, &options, &[]);
+    let found = driven(&case, DRIVER);
 
     let mut nmpc = Nmpc::new(case.problem.clone(), case.model(), case.config).unwrap();
     nmpc.reset_input(&[0.7]).unwrap();
@@ -171,16 +176,7 @@ fn the_inputs_before_the_first_sample_are_given_and_a_refused_step_is_logged() {
         begin: Begin { initial_input: Some(vec![0.7]), ..Begin::default() },
         ..oscillator_case()
     };
-    let export = |controller: &Controller<'_>, name: &Name, origin: &Origin| {
-        controller_to_fmu(controller, name, origin, FmiVersion::Two)
-    };
-    let flat = |file: GeneratedFile| GeneratedFile {
-        path: file.path.trim_start_matches("sources/").to_owned(),
-        ..file
-    };
-    let files: Vec<_> = case.export_by(None, export).unwrap().into_iter().map(flat).collect();
-    let options = ["-Wno-unused-parameter"];
-    let found = Sources::with_included(&files, "ctl_fmu.c").drive(START_DRIVER, &options, &[]);
+    let found = driven(&case, START_DRIVER);
     let mut nmpc = Nmpc::new(case.problem.clone(), case.model(), case.config).unwrap();
     nmpc.reset_input(&[-0.5]).unwrap();
     let expected = nmpc.step(&[0.6, -0.2], &[0.1, 0.0].repeat(5)).unwrap().u[0];

@@ -21,9 +21,9 @@ const FAST_ENOUGH: f64 = 0.1;
 /// linear rate, the slower the larger multipliers and curvatures are, and the exact one, which is
 /// expensive and may have to be made convex far from a solution.
 ///
-/// An iteration begins with Gauss-Newton. Where a Hessian is slow, the other one is tried. A stage
-/// cost that leaves out its Hessian has the exact one throughout; `SqpConfig::hessian` may leave no choice
-/// either.
+/// An iteration begins with Gauss-Newton. Where a Hessian is slow, the other one is tried. There is no
+/// choice where [`SqpConfig::hessian`](crate::SqpConfig) leaves none, and with a stage cost that leaves
+/// out its Hessian, which has the exact one throughout.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct HessianChoice {
     only: Option<Hessian>,

@@ -7,14 +7,15 @@ use super::dense::{ActiveSet, DenseQp, DenseStatus};
 use super::{Kind, Limits, Qp, QpSolver, QpStatus, QpStep, QpWork, Row};
 use crate::{OcpDims, RowBlock};
 use panels::Panels;
-use pinc_ad::simd::{Isa, Simd, Task};
+use pinc_ad::simd::{Simd, Task};
 
 /// Solves a [`Qp`] by eliminating its states and giving what is left, a small dense program in the
 /// inputs, to the active-set method.
 ///
 /// With `v = (du_0, .., du_{Nu-1})` the dynamics are `dx_j = G_j v + e_j`. H and the gradient in v
-/// come from products backwards over the horizon, at a cost quadratic in the horizon (Andersson, Frasch, Vukov and Diehl, "A condensing algorithm for nonlinear MPC with a
-/// quadratic runtime in horizon length", 2013):
+/// come from products backwards over the horizon, at a cost quadratic in the horizon (Andersson,
+/// Frasch, Vukov and Diehl, "A condensing algorithm for nonlinear MPC with a quadratic runtime in
+/// horizon length", 2013):
 ///
 /// ```text
 /// G_{j+1} = A_j G_j + B_j                W_j = Q_j G_j + A_j' W_{j+1},    H_{j,:} = B_j' W_{j+1} + R terms
@@ -31,7 +32,6 @@ pub(super) struct CondensedQp {
     solver: ActiveSet,
     rows: DenseRows,
     panels: Panels,
-    isa: Isa,
 }
 
 /// What the rows of C are: their places in the QP's limits, the kinds one after the other.
@@ -98,13 +98,7 @@ impl CondensedQp {
                 dense.matrix[before * height + row] = -1.0;
             }
         }
-        Self {
-            solver: ActiveSet::new(unknowns, height),
-            dense,
-            rows,
-            panels: Panels::new(dims),
-            isa: Isa::detect(),
-        }
+        Self { solver: ActiveSet::new(unknowns, height), dense, rows, panels: Panels::new(dims) }
     }
 
     /// How many rows joined or left the working set in the last solution.
@@ -229,7 +223,7 @@ impl CondensedQp {
     fn expand(&mut self, qp: &Qp, step: &mut QpStep) {
         self.read_multipliers(qp, step);
         step.d[qp.dims.all_states()..].copy_from_slice(self.solver.x());
-        self.isa.dispatch(Expand { qp, step });
+        self.panels.isa().dispatch(Expand { qp, step });
     }
 
     fn read_multipliers(&mut self, qp: &Qp, step: &mut QpStep) {

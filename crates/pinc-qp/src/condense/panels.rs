@@ -44,6 +44,11 @@ impl Panels {
         }
     }
 
+    /// The instruction set.
+    pub(super) fn isa(&self) -> Isa {
+        self.isa
+    }
+
     /// e and G of the state that stage `j` leads to, row by row.
     pub(super) fn state(&self, j: usize) -> impl ExactSizeIterator<Item = &[f64]> {
         let n = self.adjoints[0].len() / self.stride;
@@ -64,16 +69,18 @@ impl Panels {
         dense: &mut DenseQp,
         expired: &mut dyn FnMut() -> bool,
     ) -> bool {
-        let done = self.isa.dispatch(Condense { panels: self, qp, expired });
-        let (unknowns, (_, by_u)) =
-            (qp.dims.all_inputs(), qp.gradient.split_at(qp.dims.all_states()));
+        if !self.isa.dispatch(Condense { panels: self, qp, expired }) {
+            return false;
+        }
+        let unknowns = qp.dims.all_inputs();
+        let by_u = &qp.gradient[qp.dims.all_states()..];
         for (i, row) in self.inputs.chunks_exact(self.stride).enumerate() {
             dense.gradient[i] = by_u[i] + row[0];
             for (k, &entry) in row[1..i + 2].iter().enumerate() {
                 dense.hessian[k * unknowns + i] = entry;
             }
         }
-        done
+        true
     }
 }
 

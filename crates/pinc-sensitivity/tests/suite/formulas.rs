@@ -1,6 +1,6 @@
 //! Derivatives of plans against formulas, and points without derivatives.
 
-use crate::problems::Linear;
+use crate::support::Linear;
 use pinc_mpc::{Bounds, Nmpc, NmpcProblem, SqpConfig, Weights};
 use pinc_ode::Dims;
 use pinc_sensitivity::{Given, Regularity, Sensitivity};
