@@ -130,13 +130,17 @@ fn commands_that_cannot_be_carried_out_change_nothing() {
     other.end();
 }
 
-/// A step with less time than any step takes ends at its deadline.
+/// A step with less time than any step takes ends at its deadline; one with more than a clock can
+/// say does not.
 #[test]
 fn a_line_says_how_long_its_step_may_take() {
     let mut served = Served::new(&repository("configs/van-der-pol/control.toml"), &[]);
     let hurried = served.ask(&json!({ "y": [0.5, 0.1], "budget_us": 1e-3 }));
     assert_eq!(hurried["status"], "deadline", "{hurried}");
-    assert_eq!(served.ask(&json!({ "y": [0.5, 0.1] }))["status"], "converged");
+    for budget_us in [json!(null), json!(1e308)] {
+        let unhurried = served.ask(&json!({ "y": [0.5, 0.1], "budget_us": budget_us }));
+        assert_eq!(unhurried["status"], "converged", "{unhurried}");
+    }
     served.end();
 }
 
