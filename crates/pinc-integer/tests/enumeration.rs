@@ -101,3 +101,22 @@ fn a_rounded_plan_is_within_its_bounds() {
         assert!(inputs.iter().all(|u| u.fract() == 0.0 && u.abs() <= 1.0), "{inputs:?}");
     }
 }
+
+/// Also where the time is up before anything was searched for.
+#[test]
+fn an_input_is_whole_however_the_step_ended() {
+    let mut nmpc = controller(5000);
+    let mut late = 0;
+    for most in 0..40 {
+        nmpc.reset();
+        let mut asked = 0;
+        let mut expired = || {
+            asked += 1;
+            asked > most
+        };
+        let step = nmpc.step_within(&[0.9, -0.4], &[0.0; 2 * STAGES], &mut expired).unwrap();
+        assert!(step.u[0].fract() == 0.0, "{most}: {step:?}");
+        late += usize::from(step.status == SqpStatus::Deadline);
+    }
+    assert!(late > 20, "{late}");
+}
