@@ -400,6 +400,30 @@ fn readings_are_those_before_the_input_changes() {
     assert_eq!(readings.0, expected);
 }
 
+/// The error of a tracked input is that of the input which acts in the step.
+#[test]
+fn an_input_is_tracked_while_it_acts() {
+    let problem = NmpcProblem {
+        tracked: vec![Tracked::Input(0)],
+        input_bounds: Bounds::new(vec![-5.0], vec![5.0]),
+        ..NmpcProblem::new(Dims::new(1, 1), 3, Weights::uniform(vec![1.0], vec![0.5]))
+    };
+    let model = Box::new(Linear::scalar(1.0, 1.0));
+    let mut nmpc = Nmpc::new(problem, model, SqpConfig::default()).unwrap();
+    let values = [1.0, -1.0, 0.5];
+    let reference = Reference::new(values.to_vec(), 1).unwrap();
+    let truth = Dopri5::new(Runaway { rate: 0.0 }, 1e-12);
+    let run = ClosedLoop::new(&mut nmpc, truth, reference, &[0.0]).unwrap();
+    let (mut run, mut expected) = (run.without_preview(), 0.0);
+    for value in values {
+        let control = run.control().unwrap().unwrap();
+        expected += (control.u()[0] - value).abs();
+        control.advance().unwrap();
+    }
+    let found = run.tracking_at_steps().iae_sum();
+    assert!(expected > 0.1 && (found - expected).abs() < 1e-12, "{found} {expected}");
+}
+
 #[test]
 fn a_plant_may_change_on_the_way() {
     let mut nmpc = idle();
