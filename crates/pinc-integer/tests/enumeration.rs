@@ -1,6 +1,6 @@
 //! Plans with whole inputs, against the best of all of them.
 
-use pinc_integer::BranchAndBound;
+use pinc_integer::{BranchAndBound, sum_up};
 use pinc_mpc::{Bounds, Nmpc, NmpcProblem, SqpStatus, Weights};
 use pinc_ode::{Model, Rk4};
 use pinc_plants::VanDerPol;
@@ -76,4 +76,31 @@ fn a_search_that_is_cut_short_is_rounded_and_leaves_nothing_behind() {
     once.reset();
     let again = once.step(&[0.9, -0.4], &[0.0; 2 * STAGES]).unwrap().u[0];
     assert_eq!(again.to_bits(), first.to_bits());
+}
+
+/// By hand: what is left over is 2.4 - 4, then -1.6 + 0.5 + 1, then -0.1 + 1.5 - 2.
+#[test]
+fn stages_count_by_their_lengths_when_they_are_rounded() {
+    let mut inputs = [0.2, 0.6, 0.3, 0.5, 0.4, 0.75];
+    sum_up(&mut inputs, &[1], &[4.0, 1.0, 2.0]);
+    assert_eq!(inputs, [0.2, 1.0, 0.3, -1.0, 0.4, 1.0]);
+}
+
+/// Also where the time is up before anything was searched for.
+#[test]
+fn an_input_is_whole_however_the_step_ended() {
+    let mut nmpc = controller(5000);
+    let mut late = 0;
+    for most in 0..40 {
+        nmpc.reset();
+        let mut asked = 0;
+        let mut expired = || {
+            asked += 1;
+            asked > most
+        };
+        let step = nmpc.step_within(&[0.9, -0.4], &[0.0; 2 * STAGES], &mut expired).unwrap();
+        assert!(step.u[0].fract() == 0.0, "{most}: {step:?}");
+        late += usize::from(step.status == SqpStatus::Deadline);
+    }
+    assert!(late > 20, "{late}");
 }

@@ -6,6 +6,7 @@ use super::feedback;
 use super::guard::Guard;
 use super::model_error::{self, SharedLog};
 use crate::RunError;
+use crate::clock::Deadline;
 use crate::export::sha256;
 use pinc_config::{ControlSpec, Experiment, ModelKind, Variables};
 use pinc_estimate::{Augmentation, Estimator, EstimatorStatus, SteadyTarget, state_covariance};
@@ -13,7 +14,7 @@ use pinc_mpc::{BoundSchedule, Memory, Nmpc, Reference, SqpStatus, Trust};
 use pinc_ode::DynPlant;
 use pinc_record::{ModelErrorMetrics, OutsideDomain};
 use pinc_sensitivity::Sensitivity;
-use std::time::{Duration, Instant};
+use std::time::Instant;
 
 /// The controller of a config, with its estimator if it has one, for a plant that is somewhere
 /// else: each step takes what was measured and gives the input to apply.
@@ -329,6 +330,7 @@ impl LiveController {
         }
         self.write_window(follow);
         let clock = Instant::now();
+        let deadline = budget_us.map(|us| Deadline::in_seconds(1e-6 * us));
         self.observe(y, u_applied);
         if let Some(observer) = &mut self.observer {
             self.nmpc.set_parameters(&observer.unknowns)?;
@@ -345,8 +347,7 @@ impl LiveController {
         if let Some(bounds) = &self.bounds {
             self.nmpc.set_bounds_at(bounds, self.done, self.spec.preview);
         }
-        let budget = budget_us.map(|us| Duration::from_secs_f64(1e-6 * us));
-        let mut expired = || budget.is_some_and(|budget| clock.elapsed() >= budget);
+        let mut expired = || deadline.is_some_and(Deadline::is_over);
         let step = self.nmpc.step_within(&self.x, &self.window, &mut expired)?;
         let (status, sqp_iterations, kkt) = (step.status, step.sqp_iterations, step.kkt.max());
         let (trust, curvature_dropped) = (step.trust, step.curvature_dropped);

@@ -3,7 +3,10 @@
 use crate::problems::four_tanks;
 use crate::support::Lag;
 use pinc_loop::{ClosedLoop, Violation};
-use pinc_mpc::{Bounded, Bounds, Nmpc, NmpcProblem, Reference, Side, Softness, SqpConfig, Weights};
+use pinc_mpc::{
+    BoundSchedule, Bounded, Bounds, Nmpc, NmpcProblem, Reference, Side, Softness, SqpConfig,
+    Timetable, Weights,
+};
 use pinc_ode::{Dims, Dopri5, Model, Rk4};
 use pinc_plants::FourTanks;
 
@@ -71,6 +74,39 @@ fn softness_is_that_of_the_quantity() {
         ];
         assert_eq!(hard, expected);
     }
+}
+
+/// From a step on the upper bound is another one, and the lower one stays.
+#[test]
+fn a_bound_is_the_one_of_its_step() {
+    let problem = NmpcProblem {
+        input_bounds: Bounds::new(vec![0.0], vec![0.1]),
+        state_bounds: Bounds::new(vec![-3.0], vec![2.0]),
+        state_softness: Softness::Exact,
+        ..NmpcProblem::new(Dims::new(1, 1), 3, Weights::uniform(vec![1.0], vec![1.0]))
+    };
+    let dims = Dims::new(1, 1);
+    let first = BoundSchedule::row(&problem, dims);
+    let mut later = first.clone();
+    // The lower bounds of x and u come first.
+    later[2] = 1.0;
+    let rows = Timetable::new(first.len(), [(0, first), (1, later)]).unwrap();
+    let schedule = BoundSchedule::new(rows, &problem, dims).unwrap();
+    let model = Box::new(Rk4::new(LAG, 1.0, 2));
+    let mut nmpc = Nmpc::new(problem, model, SqpConfig::default()).unwrap();
+    let reference = Reference::new(vec![0.0; 2], 1).unwrap();
+    let run = ClosedLoop::new(&mut nmpc, Dopri5::new(LAG, 1e-12), reference, &[1.5]).unwrap();
+    let mut run = run.with_bounds(schedule);
+    run.control().unwrap().unwrap().advance().unwrap();
+    assert_eq!(run.violations().count(), 0);
+    run.control().unwrap().unwrap().advance().unwrap();
+    let broken: Vec<_> = run.violations().collect();
+    assert_eq!(broken.len(), 1, "{broken:?}");
+    assert_eq!((broken[0].of, broken[0].side), (Bounded::State(0), Side::High));
+    // 1.5 falls to 1.5 exp(-0.1) in the first step, and a ninth of a step further.
+    let x = 1.5 * (-1.0_f64 / 9.0).exp();
+    assert!((broken[0].bound - 1.0).abs() < 1e-12, "{broken:?}");
+    assert!((broken[0].amount - (x - 1.0)).abs() < 2e-3, "{broken:?}");
 }
 
 /// Each input has its own bounds.

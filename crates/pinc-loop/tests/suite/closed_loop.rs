@@ -1,7 +1,7 @@
 //! The closed loop: what it samples, how it ends.
 
 use crate::problems::van_der_pol;
-use crate::support::{Linear, scalar_problem};
+use crate::support::{Lag, Linear, scalar_problem};
 use pinc_ad::Scalar;
 use pinc_loop::{ClosedLoop, LoopRecord, Observer, PlantNow};
 use pinc_mpc::{
@@ -9,7 +9,7 @@ use pinc_mpc::{
     Tracked, Weights,
 };
 use pinc_ode::metrics::Tracking;
-use pinc_ode::{Dopri5, OdeError, Plant, Rk4, Variable};
+use pinc_ode::{Dims, Dopri5, OdeError, Plant, Rk4, Variable};
 use pinc_plants::VanDerPol;
 
 /// x' = rate x^2 + u, which from x = 1 without input is at 1/(1 - rate t).
@@ -357,6 +357,71 @@ fn an_observer_is_asked_once_a_step_and_believed() {
         assert!((found - expected).abs() < 1e-12, "{found} {expected}");
     }
     assert_eq!(observer.inputs.len(), 3);
+}
+
+/// Remembers the first output that it is told.
+#[derive(Debug, Default)]
+struct Readings(Vec<f64>);
+
+impl Observer for Readings {
+    fn observe(&mut self, plant: PlantNow<'_>, x: &mut [f64], _parameters: &mut [f64]) {
+        self.0.push(plant.y[0]);
+        x.copy_from_slice(plant.x);
+    }
+
+    fn advance(&mut self, _u: &[f64]) {}
+}
+
+/// A reading is taken just before the input changes: under the input of the step before, and at
+/// first under the one that the plant was given so far.
+#[test]
+fn readings_are_those_before_the_input_changes() {
+    const LAG: Lag = Lag { rate: 0.1, outputs: &[(1.0, true)] };
+    let problem = NmpcProblem {
+        input_bounds: Bounds::new(vec![-5.0], vec![5.0]),
+        output_bounds: Some(Bounds::new(vec![-9.0], vec![9.0])),
+        ..NmpcProblem::new(Dims::new(1, 1), 3, Weights::uniform(vec![1.0], vec![0.1]))
+    };
+    let model = Box::new(Rk4::new(LAG, 1.0, 2));
+    let mut nmpc = Nmpc::new(problem, model, SqpConfig::default()).unwrap();
+    let reference = Reference::new(vec![1.0, 1.0, 0.0], 1).unwrap();
+    let mut readings = Readings::default();
+    let run = ClosedLoop::new(&mut nmpc, Dopri5::new(LAG, 1e-12), reference, &[1.5]).unwrap();
+    let mut run = run.with_initial_input(&[0.7]).unwrap().with_observer(&mut readings);
+    let (mut before, mut expected) = (0.7, Vec::new());
+    while let Some(control) = run.control().unwrap() {
+        let u = control.u()[0];
+        control.advance().unwrap();
+        expected.push(run.last_step().state(0)[0] + before);
+        assert_eq!(run.outputs_at(0), expected[expected.len() - 1..]);
+        assert!((u - before).abs() > 0.01, "{u} {before}");
+        before = u;
+    }
+    assert_eq!(readings.0, expected);
+}
+
+/// The error of a tracked input is that of the input which acts in the step.
+#[test]
+fn an_input_is_tracked_while_it_acts() {
+    let problem = NmpcProblem {
+        tracked: vec![Tracked::Input(0)],
+        input_bounds: Bounds::new(vec![-5.0], vec![5.0]),
+        ..NmpcProblem::new(Dims::new(1, 1), 3, Weights::uniform(vec![1.0], vec![0.5]))
+    };
+    let model = Box::new(Linear::scalar(1.0, 1.0));
+    let mut nmpc = Nmpc::new(problem, model, SqpConfig::default()).unwrap();
+    let values = [1.0, -1.0, 0.5];
+    let reference = Reference::new(values.to_vec(), 1).unwrap();
+    let truth = Dopri5::new(Runaway { rate: 0.0 }, 1e-12);
+    let run = ClosedLoop::new(&mut nmpc, truth, reference, &[0.0]).unwrap();
+    let (mut run, mut expected) = (run.without_preview(), 0.0);
+    for value in values {
+        let control = run.control().unwrap().unwrap();
+        expected += (control.u()[0] - value).abs();
+        control.advance().unwrap();
+    }
+    let found = run.tracking_at_steps().iae_sum();
+    assert!(expected > 0.1 && (found - expected).abs() < 1e-12, "{found} {expected}");
 }
 
 #[test]

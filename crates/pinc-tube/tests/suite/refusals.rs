@@ -52,3 +52,18 @@ fn an_error_that_is_no_number_counts_as_a_large_one() {
     tube.write(AlongPlan::new(plan, [&[1.0], &[1.0]], DIMS, 0), &mut found);
     assert!((found.states[0] - 2000.0).abs() < 1e-9, "{found:?}");
 }
+
+/// The covariance of the state counts only where the estimate is a source: 1.2816 standard deviations
+/// of 2 at 90 %.
+#[test]
+fn a_covariance_that_is_no_source_widens_nothing() {
+    for (estimate, expected) in [(true, 2.563_103), (false, 0.0)] {
+        let sources = Sources { probability: Some(0.9), estimate, ..Sources::default() };
+        let mut tube = tube(sources, Feedback::None).unwrap();
+        tube.set_covariance(&[4.0]);
+        let mut found = BackOffs { states: vec![0.0], inputs: vec![0.0], outputs: vec![] };
+        let plan = Stages { x: &[0.0], u: &[0.0], p: &[] };
+        tube.write(AlongPlan::new(plan, [&[1.0], &[1.0]], DIMS, 0), &mut found);
+        assert!((found.states[0] - expected).abs() < 1e-5, "{found:?}");
+    }
+}

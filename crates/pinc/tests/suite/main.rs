@@ -36,7 +36,6 @@ mod run_directory;
 mod seams;
 mod search;
 mod serve;
-mod serve_commands;
 mod shared;
 mod slurm;
 mod smoke;

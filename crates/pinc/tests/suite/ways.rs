@@ -183,31 +183,11 @@ impl Served {
         Self { child, input, output: BufReader::new(output) }
     }
 
-    pub(crate) fn ask_bytes(&mut self, line: &[u8]) -> Value {
-        self.input.write_all(line).unwrap();
-        self.input.write_all(b"\n").unwrap();
+    pub(crate) fn ask(&mut self, request: &Value) -> Value {
+        writeln!(self.input, "{request}").unwrap();
         let mut answer = String::new();
         self.output.read_line(&mut answer).unwrap();
         serde_json::from_str(&answer).unwrap()
-    }
-
-    pub(crate) fn ask(&mut self, request: &Value) -> Value {
-        self.ask_bytes(request.to_string().as_bytes())
-    }
-
-    /// The input that a request is answered with.
-    #[track_caller]
-    pub(crate) fn input(&mut self, request: &Value) -> f64 {
-        let answer = self.ask(request);
-        answer["u"][0].as_f64().unwrap_or_else(|| panic!("{request}: {answer}"))
-    }
-
-    #[track_caller]
-    pub(crate) fn refuses(&mut self, line: &[u8], part: &str) {
-        let answer = self.ask_bytes(line);
-        let error = answer["error"].as_str().unwrap();
-        assert!(error.contains(part), "{part}: {error}");
-        assert!(answer.get("u").is_none());
     }
 
     /// What it answers to these measurements, step by step, each with the values of the parameters
