@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use toml::{Table, Value};
 
-/// Seeds of the plants that are held out: the config's with this added.
+/// Seeds of the loops that are held out: the config's with this bit changed.
 const HELD_OUT: u64 = 1 << 32;
 
 /// The problem that `pinc tune` solves: keys of the controller, and the cost of closed loops with
@@ -176,7 +176,7 @@ impl Experiment {
         sweep.tune = None;
         sweep.name += if held_out { "-held-out" } else { "-tune" };
         if held_out {
-            sweep.seed = sweep.seed.wrapping_add(HELD_OUT);
+            sweep.seed ^= HELD_OUT;
         }
         let draws = DrawsSpec {
             name: "loops".to_owned(),

@@ -47,6 +47,7 @@ impl std::fmt::Display for Score {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         match self.failed {
             0 => write!(f, "{:.4}", self.cost),
+            usize::MAX => write!(f, "all loops failed"),
             failed => write!(f, "{:.4} ({failed} loops failed)", self.cost),
         }
     }
@@ -68,8 +69,8 @@ impl std::fmt::Display for Cost {
 impl Cost {
     /// The cost of `[tune]` for the loops of `base`, which has one model.
     pub(super) fn of(base: &Experiment, spec: &TuneSpec) -> Result<Self, RunError> {
-        let models = base.control.iter().flat_map(|control| &control.models);
-        let prefix: String = models.map(|model| format!("{model}_")).collect();
+        let model = base.control.iter().flat_map(|control| &control.models).next();
+        let prefix = model.map_or_else(String::new, |model| format!("{model}_"));
         let known: Vec<(String, TrialMetric)> = TrialMetric::results(base)
             .into_iter()
             .filter(|metric| metric.is_number())

@@ -65,8 +65,8 @@ impl Evolution {
     pub(super) fn is_over(&self) -> bool {
         let n = self.mean.len();
         let widest = (0..n).map(|i| self.covariance[i * n + i]).fold(0.0, f64::max).sqrt();
-        // A NaN ends it too.
-        !(self.step * widest >= LAST_STEP)
+        let size = self.step * widest;
+        size.is_nan() || size < LAST_STEP
     }
 
     /// Draws a generation.
