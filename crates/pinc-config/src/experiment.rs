@@ -77,12 +77,12 @@ pub struct Experiment {
     /// The parameters and initial states that `pinc identify` finds in recorded data.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub identify: Option<IdentifySpec>,
-    /// What `pinc tune` may change, and the cost that it minimizes.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub tune: Option<TuneSpec>,
     /// Many trials of the experiment, each with other values.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub sweep: Option<SweepSpec>,
+    /// What `pinc tune` may change, and the cost that it minimizes.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub tune: Option<TuneSpec>,
     /// The plants that the config may name, for the trials of a sweep.
     #[serde(skip)]
     plants: Plants,

@@ -15,9 +15,10 @@ const HELD_OUT: u64 = 1 << 32;
 pub struct TuneSpec {
     /// Keys of `[control]` that may change, each from `low` to `high`.
     pub ranges: Vec<SearchRange>,
-    /// Weights of the metrics of a loop, by their columns in `sweep.csv` without the model. Metrics
-    /// with a unit are divided by their mean with the config as it is written.
-    #[serde(default = "usual_cost")]
+    /// Weights of the metrics of a loop, by their columns in `sweep.csv` without the model; if there
+    /// are none, `iae_dense_sum` with 1, `input_travel` with 0.1 and `violation_share` with 10.
+    /// Metrics with a unit are divided by their mean with the config as it is written.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub cost: BTreeMap<String, f64>,
     /// Ranges of values that differ from loop to loop, as the plant's parameters, references and
     /// initial states; each loop also has its own noise.
@@ -32,11 +33,6 @@ pub struct TuneSpec {
     /// Number of candidates.
     #[serde(default = "usual_candidates")]
     pub candidates: usize,
-}
-
-fn usual_cost() -> BTreeMap<String, f64> {
-    let weights = [("iae_dense_sum", 1.0), ("input_travel", 0.1), ("violation_share", 10.0)];
-    weights.map(|(metric, weight)| (metric.to_owned(), weight)).into()
 }
 
 fn usual_loops() -> usize {
@@ -54,7 +50,20 @@ fn usual_candidates() -> usize {
 /// A candidate: values by their keys.
 pub type Candidate = Table;
 
+/// The weights of a cost that the config does not say.
+const USUAL_COST: [(&str, f64); 3] =
+    [("iae_dense_sum", 1.0), ("input_travel", 0.1), ("violation_share", 10.0)];
+
 impl TuneSpec {
+    /// Returns the metrics that a loop costs, with their weights.
+    #[must_use]
+    pub fn weights(&self) -> Vec<(&str, f64)> {
+        match self.cost.is_empty() {
+            true => USUAL_COST.into(),
+            false => self.cost.iter().map(|(metric, weight)| (&**metric, *weight)).collect(),
+        }
+    }
+
     /// The candidate at a place whose coordinates go from 0 to 1.
     #[must_use]
     pub fn candidate(&self, place: &[f64]) -> Candidate {
@@ -102,7 +111,7 @@ impl TuneSpec {
                 return wrong(&format!("cost.{metric}"), &weight.to_string(), "0 or more");
             }
         }
-        if !self.cost.values().any(|weight| *weight > 0.0) {
+        if !self.weights().iter().any(|(_, weight)| *weight > 0.0) {
             return wrong("cost", "no weight above 0", "one metric or more with a weight");
         }
         let mut known: Vec<&String> = Vec::new();

@@ -76,7 +76,7 @@ impl Cost {
             .filter(|metric| metric.is_number())
             .filter_map(|metric| Some((metric.name().strip_prefix(&prefix)?.to_owned(), metric)))
             .collect();
-        let term = |(name, weight): (&String, &f64)| {
+        let term = |(name, weight): (&str, f64)| {
             let found = known.iter().find(|(known, _)| known == name);
             let Some((_, metric)) = found else {
                 let names: Vec<&str> = known.iter().map(|(name, _)| name.as_str()).collect();
@@ -86,9 +86,9 @@ impl Cost {
                 );
                 return Err(RunError::usage(&base.name, problem));
             };
-            Ok(Term { metric: *metric, name: name.clone(), weight: *weight, scale: 1.0 })
+            Ok(Term { metric: *metric, name: name.to_owned(), weight, scale: 1.0 })
         };
-        Ok(Self { terms: spec.cost.iter().map(term).collect::<Result<_, _>>()? })
+        Ok(Self { terms: spec.weights().into_iter().map(term).collect::<Result<_, _>>()? })
     }
 
     /// Divides metrics with a unit by their means in these loops.
