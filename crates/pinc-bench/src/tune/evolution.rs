@@ -3,7 +3,8 @@
 //! Source: N. Hansen, "The CMA Evolution Strategy: A Tutorial" (2016), arXiv:1604.00772. Two things
 //! differ: the covariance is sampled through its Cholesky factor, whose standard normal numbers also
 //! move the path of the step size, as in O. Krause et al., "CMA-ES with Optimal Covariance Update and
-//! Storage Complexity" (2016); and points beyond the cube are moved to its surface.
+//! Storage Complexity" (2016); and points beyond the cube are mirrored at its surface, so that a minimum
+//! there is one inside.
 
 use rand::RngExt;
 use rand::rngs::ChaCha8Rng;
@@ -31,9 +32,10 @@ pub(super) struct Evolution {
     generations: i32,
 }
 
-/// A candidate's place and the standard normal numbers that it came from.
+/// A candidate's place, the point that it mirrors, and the standard normal numbers of that.
 pub(super) struct Drawn {
     pub(super) place: Vec<f64>,
+    point: Vec<f64>,
     normal: Vec<f64>,
 }
 
@@ -74,12 +76,13 @@ impl Evolution {
         let n = self.mean.len();
         let mut one = || {
             let normal: Vec<f64> = (0..n).map(|_| standard_normal(random)).collect();
-            let place = (0..n).map(|i| {
+            let point = (0..n).map(|i| {
                 let row = self.factor[i * n..=i * n + i].iter().zip(&normal);
                 let moved: f64 = row.map(|(entry, normal)| entry * normal).sum();
-                (self.mean[i] + self.step * moved).clamp(0.0, 1.0)
+                self.mean[i] + self.step * moved
             });
-            Drawn { place: place.collect(), normal }
+            let point: Vec<f64> = point.collect();
+            Drawn { place: point.iter().map(|v| mirrored(*v)).collect(), point, normal }
         };
         (0..self.population).map(|_| one()).collect()
     }
@@ -109,7 +112,7 @@ impl Evolution {
         };
         let before = self.mean.clone();
         let steps: Vec<f64> =
-            (0..n).map(|i| mean_of(&|of| (of.place[i] - before[i]) / self.step)).collect();
+            (0..n).map(|i| mean_of(&|of| (of.point[i] - before[i]) / self.step)).collect();
         self.generations += 1;
         let keep = (step_rate * (2.0 - step_rate) * effective).sqrt();
         for (i, value) in self.step_path.iter_mut().enumerate() {
@@ -126,7 +129,7 @@ impl Evolution {
         for i in 0..n {
             for j in 0..n {
                 let spread = mean_of(&|of| {
-                    let moved = |i: usize| (of.place[i] - before[i]) / self.step;
+                    let moved = |i: usize| (of.point[i] - before[i]) / self.step;
                     moved(i) * moved(j)
                 });
                 let entry = &mut self.covariance[i * n + j];
@@ -158,6 +161,12 @@ fn factored(covariance: &[f64], n: usize) -> Vec<f64> {
     factor
 }
 
+/// The coordinate within 0 and 1 that a point shows in mirrors at both.
+fn mirrored(value: f64) -> f64 {
+    let around = value.rem_euclid(2.0);
+    if around > 1.0 { 2.0 - around } else { around }
+}
+
 /// A standard normal number, by the method of Box and Muller.
 fn standard_normal(random: &mut ChaCha8Rng) -> f64 {
     let (radius, turn): (f64, f64) = (random.random(), random.random());
@@ -174,19 +183,23 @@ mod tests {
     use super::*;
     use rand::SeedableRng;
 
+    fn mirrored_all(mean: &[f64]) -> Vec<f64> {
+        mean.iter().map(|v| mirrored(*v)).collect()
+    }
+
     fn minimum(cost: impl Fn(&[f64]) -> f64, generations: usize) -> (Vec<f64>, usize) {
         let mut random = ChaCha8Rng::seed_from_u64(4);
         let mut evolution = Evolution::new(vec![0.9, 0.2, 0.5], 1);
         for done in 0..generations {
             if evolution.is_over() {
-                return (evolution.mean, done);
+                return (mirrored_all(&evolution.mean), done);
             }
             let drawn = evolution.draw(&mut random);
             let mut sorted: Vec<&Drawn> = drawn.iter().collect();
             sorted.sort_by(|a, b| cost(&a.place).total_cmp(&cost(&b.place)));
             evolution.learn(&sorted);
         }
-        (evolution.mean, generations)
+        (mirrored_all(&evolution.mean), generations)
     }
 
     /// An ellipsoid turned against the axes, a hundred times longer than wide.
