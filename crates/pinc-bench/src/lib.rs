@@ -4,6 +4,7 @@
 //! - [`sweep()`], [`merge`], [`status`]: an experiment many times over;
 //! - [`submit`], [`wait`]: a sweep as jobs of Slurm;
 //! - [`choose()`]: which model should be in a loop;
+//! - [`tune()`]: which weights, bounds' softness, estimator and horizon;
 //! - [`bench()`]: measurements of the machine.
 //!
 //! One experiment by itself is the job of [`pinc_runs`].
@@ -14,6 +15,7 @@ mod bench;
 mod choose;
 mod slurm;
 mod sweep;
+mod tune;
 
 pub use bench::{
     BenchOptions, BenchReport, FmaPeak, LossGradient, Machine, ModelStep, NmpcTimes, QpTime, bench,
@@ -21,3 +23,4 @@ pub use bench::{
 pub use choose::{Choice, ChooseOptions, choose};
 pub use slurm::{OnSlurm, Submitted, submit, wait};
 pub use sweep::{Kept, Shard, Status, clear, kept, merge, status, sweep};
+pub use tune::{Tuned, tune};

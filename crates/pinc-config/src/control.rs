@@ -304,6 +304,13 @@ impl ControlSpec {
         widths.map(|width| if width.is_finite() { width } else { 0.0 }).collect()
     }
 
+    /// The widths of the inputs' bounds; 1 where there is none.
+    #[must_use]
+    pub fn input_widths(&self) -> Vec<f64> {
+        let widths = self.input_low.iter().zip(&self.input_high).map(|(low, high)| high - low);
+        widths.map(|width| if width.is_finite() && width > 0.0 { width } else { 1.0 }).collect()
+    }
+
     /// A bound by its key and its place; infinite if there is none.
     pub(crate) fn bound(&self, key: &str, place: usize) -> f64 {
         let side = match key {

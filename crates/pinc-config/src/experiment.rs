@@ -17,6 +17,7 @@ use crate::problem::{ConfigError, Problem};
 use crate::sampled;
 use crate::sweep::SweepSpec;
 use crate::training::{Effort, TrainingSpec};
+use crate::tune::TuneSpec;
 use crate::uncertainty;
 use pinc_expr::TimeUnit;
 use pinc_mpc::Scenarios;
@@ -79,6 +80,9 @@ pub struct Experiment {
     /// Many trials of the experiment, each with other values.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub sweep: Option<SweepSpec>,
+    /// What `pinc tune` may change, and the cost that it minimizes.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub tune: Option<TuneSpec>,
     /// The plants that the config may name, for the trials of a sweep.
     #[serde(skip)]
     plants: Plants,
@@ -191,6 +195,13 @@ impl Experiment {
         values: impl IntoIterator<Item = (&'a str, Value)>,
     ) -> Result<Self, (String, Problem)> {
         for (key, value) in values {
+            // The plant in the loop is the config's own unless it says otherwise.
+            if key.starts_with("control.plant.")
+                && let Some(plant) = table.get("plant").cloned()
+                && let Some(Value::Table(control)) = table.get_mut("control")
+            {
+                control.entry("plant").or_insert(plant);
+            }
             layers::assign(&mut table, key, value).map_err(|path| {
                 let expected = format!("a key that can be set: `{path}` has no such element");
                 (key.to_owned(), Problem::Value { found: format!("`{key}`"), expected })
@@ -333,10 +344,10 @@ impl Experiment {
     }
 
     /// The experiment without settings that change no number: threads, the interval of checkpoints,
-    /// the unit in which times are shown, and the identification.
+    /// the unit in which times are shown, the identification and the tuning.
     #[must_use]
     pub fn normalized(&self) -> Self {
-        let mut same = Self { time_unit: None, identify: None, ..self.clone() };
+        let mut same = Self { time_unit: None, identify: None, tune: None, ..self.clone() };
         if let Some(training) = &mut same.training {
             let time_limit_s = training.effort.time_limit_s;
             training.effort = Effort { time_limit_s, ..Effort::default() };

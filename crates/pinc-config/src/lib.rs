@@ -41,6 +41,7 @@ mod stages;
 mod sweep;
 mod training;
 mod trial;
+mod tune;
 mod uncertainty;
 mod validate;
 
@@ -81,6 +82,7 @@ pub use trial::{
     CANDIDATE, CASE, DRAW, DRAWN, SEED, SearchPlace, Trial, cell_columns, columns, sweep_models,
     trials,
 };
+pub use tune::{Candidate, TuneSpec};
 pub use uncertainty::{
     FeedbackSpec, FeedbackWord, ProbabilitySpec, TubeParts, UncertaintySpec, WorstCase,
 };

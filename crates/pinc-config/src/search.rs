@@ -151,7 +151,7 @@ impl SearchSpec {
 
 impl SearchRange {
     /// Whether it is a range or a list; or what was found, and what expected.
-    fn check(&self) -> Result<(), (String, &'static str)> {
+    pub(crate) fn check(&self) -> Result<(), (String, &'static str)> {
         match (self.low, self.high) {
             (None, None) if !self.values.is_empty() => Ok(()),
             (Some(low), Some(high)) if self.values.is_empty() => {
@@ -173,7 +173,7 @@ impl SearchRange {
 
     /// The value at a place from 0 to 1. It has four digits, so that the last bits of a logarithm
     /// do not matter.
-    fn value(&self, place: f64) -> Value {
+    pub(crate) fn value(&self, place: f64) -> Value {
         let (Some(low), Some(high)) = (self.low, self.high) else {
             let count = self.values.len();
             #[expect(
@@ -185,8 +185,7 @@ impl SearchRange {
             let i = (place * count as f64) as usize;
             return self.values[i.min(count - 1)].clone();
         };
-        let ends = if self.whole { (low - 0.5, high + 0.5) } else { (low, high) };
-        let ends = if self.log { (ends.0.max(0.5 * low).ln(), ends.1.ln()) } else { ends };
+        let ends = self.ends(low, high);
         let drawn = ends.0 + (ends.1 - ends.0) * place;
         let drawn = if self.log { drawn.exp() } else { drawn };
         if self.whole {
@@ -195,6 +194,21 @@ impl SearchRange {
         }
         let short: f64 = format!("{drawn:.3e}").parse().unwrap_or(drawn);
         Value::Float(short.clamp(low, high))
+    }
+
+    /// The place of a value in the range, from 0 to 1.
+    pub(crate) fn place(&self, value: f64) -> f64 {
+        let (Some(low), Some(high)) = (self.low, self.high) else { return 0.5 };
+        let value = value.clamp(low, high);
+        let (first, last) = self.ends(low, high);
+        let value = if self.log { value.ln() } else { value };
+        (value - first) / (last - first)
+    }
+
+    /// What the values at the places 0 and 1 are, or their logarithms.
+    fn ends(&self, low: f64, high: f64) -> (f64, f64) {
+        let ends = if self.whole { (low - 0.5, high + 0.5) } else { (low, high) };
+        if self.log { (ends.0.max(0.5 * low).ln(), ends.1.ln()) } else { ends }
     }
 }
 

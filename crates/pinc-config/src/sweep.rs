@@ -68,7 +68,11 @@ pub struct DrawsSpec {
     pub name: String,
     /// Number of draws.
     pub count: usize,
+    /// Whether each draw has its own seed, for the noise of its loop.
+    #[serde(default)]
+    pub seeded: bool,
     /// Ranges of the values, drawn uniformly and independently.
+    #[serde(default)]
     pub ranges: Vec<RangeSpec>,
 }
 

@@ -156,6 +156,7 @@ fn made(
 ) -> impl Iterator<Item = (Choice, Result<Experiment, (String, Problem)>)> {
     let mut base = experiment.to_table_as_written();
     base.remove("sweep");
+    base.remove("tune");
     let plants = experiment.plants().clone();
     let choices = choices(sweep, experiment.seed).into_iter();
     choices.map(move |choice| {
@@ -200,7 +201,8 @@ impl Choice {
 
     fn trial(&self, experiment: Experiment, columns: &[String]) -> Trial {
         let name = |column: &String| {
-            let named = self.names.iter().find(|(key, _)| key == column);
+            // A draw's own seed comes after the sweep's.
+            let named = self.names.iter().rev().find(|(key, _)| key == column);
             named.map_or_else(String::new, |(_, name)| name.clone())
         };
         let training = experiment.asks_for_a_net().then(|| {
@@ -305,6 +307,9 @@ fn drawn(draws: &DrawsSpec, seed: u64, stream: u64) -> Vec<Choice> {
             ],
             ..Choice::default()
         };
+        if draws.seeded {
+            choice = choice.and(&one(SEED, Value::Integer(rng.random::<u32>().into())));
+        }
         for range in &draws.ranges {
             let value = Value::Float(range.low + (range.high - range.low) * rng.random::<f64>());
             choice = choice.and(&one(&range.key, value));

@@ -391,6 +391,7 @@ impl LoopSetup<'_> {
                 outputs: variables.own_output_names(),
             },
             outputs: variables.own_outputs().iter().map(|(place, _)| *place).collect(),
+            widths: self.spec.input_widths(),
         }
     }
 
@@ -492,7 +493,7 @@ impl Times {
             self.steps.push(time);
             sum += time;
             if let Some(recording) = &mut recording {
-                recording.controlled(control.record(), 1e6 * time)?;
+                recording.controlled(&control, 1e6 * time)?;
             }
             if let Some((guard, parameters)) = &mut guard {
                 guard.look(control.seen(), control.u(), parameters)?;
@@ -542,6 +543,7 @@ fn measured(
         rmse_dense: dense.rmse(),
         // Nothing is tracked well, or badly, where nothing has a reference.
         iae_dense_sum: if setup.spec.controlled.is_empty() { f64::NAN } else { dense.iae_sum() },
+        input_travel: totals.input_travel,
         wall_s: times.of_runs(),
         step_us: times.of_steps(),
         sqp_iterations_mean: totals.sqp_iterations_mean(),

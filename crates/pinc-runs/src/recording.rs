@@ -1,7 +1,7 @@
 //! What is kept of a closed loop while it runs: its files, written as it goes, and totals.
 
 use crate::RunError;
-use pinc_loop::{ClosedLoop, StepRecord};
+use pinc_loop::{ClosedLoop, Control, StepRecord};
 use pinc_record::{
     ControlColumns, ControlRow, ControlWriter, FixedReader, FixedWriter, RecordError, StepRow,
     TubeMetrics,
@@ -14,6 +14,8 @@ pub(super) struct TraceColumns {
     pub(super) columns: ControlColumns,
     /// The places among the plant's outputs of those that are no states.
     pub(super) outputs: Vec<usize>,
+    /// The widths of the inputs' bounds.
+    pub(super) widths: Vec<f64>,
 }
 
 /// Totals over the steps of a controller.
@@ -24,6 +26,10 @@ pub(super) struct Totals {
     /// The largest KKT residual.
     pub(super) kkt_max: f64,
     sqp_iterations: usize,
+    /// How far the inputs moved from step to step, in widths of their bounds.
+    pub(super) input_travel: f64,
+    /// The input before this step, once there is one.
+    before: Option<Vec<f64>>,
     /// In how many steps negative curvature was dropped.
     pub(super) curvature_dropped: usize,
     /// The cost of the first plan.
@@ -44,6 +50,14 @@ impl Totals {
         }
     }
 
+    fn add_input(&mut self, u: &[f64], widths: &[f64]) {
+        if let Some(before) = self.before.replace(u.to_vec()) {
+            let moves = u.iter().zip(&before).zip(widths);
+            self.input_travel +=
+                moves.map(|((u, before), width)| (u - before).abs() / width).sum::<f64>();
+        }
+    }
+
     /// SQP iterations per step.
     pub(super) fn sqp_iterations_mean(&self) -> f64 {
         let steps: usize = self.status.values().sum();
@@ -59,6 +73,7 @@ pub(super) struct Recording {
     steps: Option<FixedWriter<StepRow>>,
     /// The places among the plant's outputs of those that are no states.
     outputs: Vec<usize>,
+    widths: Vec<f64>,
     totals: Totals,
     step: usize,
 }
@@ -67,17 +82,24 @@ impl Recording {
     /// Begins the two files, of the trace and of the steps.
     pub(super) fn begin(
         files: Option<(&Path, &Path)>,
-        TraceColumns { columns, outputs }: TraceColumns,
+        TraceColumns { columns, outputs, widths }: TraceColumns,
     ) -> Result<Self, RunError> {
         let trace = files.map(|(trace, _)| ControlWriter::create(trace, &columns));
         let steps = files.map(|(_, steps)| FixedWriter::create(steps));
         let totals = Totals::default();
-        Ok(Self { trace: trace.transpose()?, steps: steps.transpose()?, outputs, totals, step: 0 })
+        let (trace, steps) = (trace.transpose()?, steps.transpose()?);
+        Ok(Self { trace, steps, outputs, widths, totals, step: 0 })
     }
 
     /// Adds what the controller did, in how many us.
-    pub(super) fn controlled(&mut self, step: &StepRecord, us: f64) -> Result<(), RunError> {
+    pub(super) fn controlled(
+        &mut self,
+        control: &Control<'_, '_>,
+        us: f64,
+    ) -> Result<(), RunError> {
+        let step = control.record();
         self.totals.add(step);
+        self.totals.add_input(control.u(), &self.widths);
         if let Some(steps) = &mut self.steps {
             steps.push(&StepRow {
                 step: self.step,

@@ -8,6 +8,7 @@ use crate::printed::{failure, show, usage};
 use crate::served::Served;
 use crate::shrunk::ShrinkArgs;
 use crate::summary::summary;
+use crate::tuned::TuneArgs;
 use clap::{Parser, Subcommand};
 use pinc_bench::{BenchOptions, ChooseOptions, OnSlurm, Shard};
 use pinc_config::{Experiment, ModelKind, Plants, RunList};
@@ -220,6 +221,8 @@ enum Command {
         #[command(flatten)]
         run: RunArgs,
     },
+    /// Tune keys of the controller by the cost of closed loops with drawn plants, as [tune] says.
+    Tune(TuneArgs),
     /// Train a net in place of the controller, judge its loops, and write it as C with a check.
     Shrink(ShrinkArgs),
     /// Check a config and examine its plant before anything is trained.
@@ -399,6 +402,7 @@ fn execute(cli: &Cli, plants: &Plants) -> Result<ExitCode, RunError> {
             let choice = pinc_bench::choose(&experiment, &dir, plants, &options, how)?;
             show(quiet, &choice.to_string())?;
         }
+        Command::Tune(args) => args.tune(plants, quiet)?,
         Command::Shrink(args) => args.shrink(plants, quiet)?,
         Command::Check { config, json, set } => {
             return check(config, *json, &set.overrides(), plants);
@@ -571,7 +575,7 @@ impl RunArgs {
     }
 
     /// The directory of the run or list `name`, which may be one of several.
-    fn directory(&self, name: &str, several: bool) -> PathBuf {
+    pub(crate) fn directory(&self, name: &str, several: bool) -> PathBuf {
         match &self.out {
             Some(out) if several => out.join(name),
             Some(out) => out.clone(),

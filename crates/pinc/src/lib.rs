@@ -160,6 +160,8 @@ mod served;
 mod shrunk;
 #[cfg(feature = "program")]
 mod summary;
+#[cfg(feature = "program")]
+mod tuned;
 
 #[cfg(feature = "program")]
 pub use cli::program;

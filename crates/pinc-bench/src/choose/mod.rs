@@ -3,13 +3,13 @@
 mod base;
 mod session;
 
-use crate::sweep::write_tables;
+use crate::sweep;
 use base::Base;
 use pinc_choose::{Advice, Search, SearchResult, Tried};
 use pinc_config::{Experiment, Plants, trials};
-use pinc_record::{RecordError, RunDir, file, write_atomically};
+use pinc_record::{RecordError, file, write_atomically};
+use pinc_runs::Options;
 use pinc_runs::RunError;
-use pinc_runs::{Options, rebuild_report};
 use session::Session;
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -109,21 +109,11 @@ fn write_report(session: &Session<'_>, tried: &[Tried]) -> Result<PathBuf, RunEr
     let iterations = session.base.iterations();
     let cases = ended.iter().map(|tried| tried.candidate.case(tried.repetitions, &iterations));
     let experiment = session.sweep(&cases.collect::<String>())?;
-    let dir = session.run_dir.path(TRIED);
-    match fs::remove_dir_all(&dir) {
-        Err(error) if error.kind() != std::io::ErrorKind::NotFound => {
-            return Err(RecordError::unwritable(&dir)(error).into());
-        }
-        _ => {}
-    }
-    let mut run_dir = RunDir::open(&dir, &experiment, std::process::id())?;
     let mut all = trials(&experiment).expect("the experiment was checked, and its trials with it");
     for (trial, tried) in all.iter_mut().zip(&ended) {
         trial.id.clone_from(&tried.place);
     }
-    let counts = write_tables(&experiment, &all, &run_dir, &session.sweep_dir)?;
-    run_dir.update(|metrics| metrics.sweep = Some(counts))?;
-    rebuild_report(&dir)
+    sweep::write_report(&experiment, &all, &session.run_dir.path(TRIED), &session.sweep_dir)
 }
 
 /// Copies the net of the model to use to where the recommended config is; gives whether it has one.

@@ -5,7 +5,7 @@ use super::progress::Progress;
 use pinc_config::Trial;
 use pinc_net::NetError;
 use pinc_record::work::{Job, Outcome, Queue, effort};
-use pinc_record::{Ending, Finished, RecordError, RunDir};
+use pinc_record::{Ending, Finished, RecordError, RunDir, SweepDir};
 use pinc_runs::RunError;
 use pinc_runs::{Options, Threads, run_trial, train_shared};
 use std::sync::mpsc::{RecvTimeoutError, channel};
@@ -143,7 +143,8 @@ impl<'a> Crew<'a, '_> {
                 return Ok(Outcome::Over);
             }
         }
-        let finished = self.result(trial, failure)?;
+        let how = (session.sweep.keep_traces, failure);
+        let finished = finish_trial(&session.sweep_dir, trial, how, &self.options)?;
         session.sweep_dir.finish(&trial.id, &finished)?;
         drop(claim);
         session.ledger().note(trial, &finished);
@@ -156,29 +157,34 @@ impl<'a> Crew<'a, '_> {
         Ok(Outcome::Over)
     }
 
-    fn result(&self, trial: &Trial, failure: Option<String>) -> Result<Finished, RunError> {
-        let (sweep_dir, keep_traces) = (&self.session.sweep_dir, self.session.sweep.keep_traces);
-        let dir = sweep_dir.begin(&trial.id)?;
-        let mut run_dir = RunDir::of_trial(&dir, &trial.experiment, keep_traces);
-        let net = trial.training.as_ref().map(|(id, _)| sweep_dir.net(id));
-        let outcome = match failure {
-            Some(error) => Err(error),
-            None => {
-                let experiment = &trial.experiment;
-                let run = run_trial(experiment, net.as_deref(), &mut run_dir, &self.options);
-                result_of_trial(run)?
-            }
-        };
-        let ending = match outcome {
-            Ok(()) => Ending::Done,
-            Err(error) => Ending::Failed { error },
-        };
-        Ok(Finished { ending, metrics: run_dir.metrics().clone() })
-    }
-
     fn state(&self) -> MutexGuard<'_, Progress> {
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
+}
+
+/// Runs a trial, whose training is over, in its directory, and says how it ended; a training that
+/// failed is the trial's own failure.
+pub(crate) fn finish_trial(
+    sweep_dir: &SweepDir,
+    trial: &Trial,
+    (keep_traces, failure): (bool, Option<String>),
+    options: &Options<'_>,
+) -> Result<Finished, RunError> {
+    let dir = sweep_dir.begin(&trial.id)?;
+    let mut run_dir = RunDir::of_trial(&dir, &trial.experiment, keep_traces);
+    let net = trial.training.as_ref().map(|(id, _)| sweep_dir.net(id));
+    let outcome = match failure {
+        Some(error) => Err(error),
+        None => {
+            let run = run_trial(&trial.experiment, net.as_deref(), &mut run_dir, options);
+            result_of_trial(run)?
+        }
+    };
+    let ending = match outcome {
+        Ok(()) => Ending::Done,
+        Err(error) => Ending::Failed { error },
+    };
+    Ok(Finished { ending, metrics: run_dir.metrics().clone() })
 }
 
 /// Lets no thread wait for one that will never be done.

@@ -8,6 +8,7 @@ mod status;
 pub use status::{Status, status};
 
 use crew::Crew;
+pub(crate) use crew::finish_trial;
 use pinc_config::{Experiment, Plants, SweepSpec, Trial, nets_of_parameters, sweep_models, trials};
 use pinc_record::work::{Estimate, Ledger, Queue, effort, expected};
 use pinc_record::{
@@ -386,19 +387,28 @@ fn open_dir(experiment: &Experiment, dir: &Path, shared: bool) -> Result<RunDir,
     Ok(RunDir::open_shared(dir, experiment, id)?)
 }
 
-/// Writes the tables of a sweep, as far as its `trials` in `sweep_dir` are done, and counts these.
-pub(crate) fn write_tables(
+/// Writes the tables and the report of a sweep into `dir`, in place of what is there, from the
+/// results of its `trials` in `sweep_dir`; returns the report's path.
+pub(crate) fn write_report(
     experiment: &Experiment,
     trials: &[Trial],
-    run_dir: &RunDir,
+    dir: &Path,
     sweep_dir: &SweepDir,
-) -> Result<SweepMetrics, RunError> {
+) -> Result<PathBuf, RunError> {
+    match std::fs::remove_dir_all(dir) {
+        Err(error) if error.kind() != std::io::ErrorKind::NotFound => {
+            return Err(RecordError::unwritable(dir)(error).into());
+        }
+        _ => {}
+    }
+    let mut run_dir = RunDir::open(dir, experiment, std::process::id())?;
     let mut ledger = Ledger::new(experiment, trials);
     ledger.look_up(sweep_dir)?;
     for (name, table) in tables(experiment, trials, &ledger) {
         run_dir.write(name, table.as_bytes())?;
     }
-    Ok(ledger.counts())
+    run_dir.update(|metrics| metrics.sweep = Some(ledger.counts()))?;
+    rebuild_report(dir)
 }
 
 /// The tables of a sweep, with the names of their files.

@@ -100,6 +100,9 @@ impl Experiment {
         if let Some(identify) = &self.identify {
             identify::identification(self, identify, &variables)?;
         }
+        if let Some(tune) = &self.tune {
+            tune.validate(self)?;
+        }
         if let Some(sweep) = &self.sweep {
             sweep.validate()?;
             crate::trial::check(self)?;

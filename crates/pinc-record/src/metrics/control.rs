@@ -25,6 +25,9 @@ pub struct ControlMetrics {
     /// IAE on the dense trace, summed over outputs.
     #[serde(deserialize_with = "number_or_null")]
     pub iae_dense_sum: f64,
+    /// How far the inputs move from step to step, all added up, in widths of their bounds.
+    #[serde(default = "nan", deserialize_with = "number_or_null")]
+    pub input_travel: f64,
     /// Time of the controller in one whole closed loop.
     pub wall_s: WallTimes,
     /// Time of the controller in one step.
@@ -200,6 +203,12 @@ impl ControlMetrics {
         self.status.values().sum()
     }
 
+    /// The worst violation of a bound as a share of the size of what it bounds; 0 if none was broken.
+    #[must_use]
+    pub fn violation_share(&self) -> f64 {
+        self.violations.iter().map(|violation| violation.share).fold(0.0, f64::max)
+    }
+
     /// How many of them failed: steps that did not converge (real-time iterations are not judged)
     /// and steps that the time budget ended.
     #[must_use]
@@ -308,6 +317,15 @@ pub(crate) mod rows {
         IAE_DENSE_SUM,
         OFFSET_MAX,
         MAX_VIOLATION,
+        of(["", "violation_share"], "largest violation, share of the quantity", One, 3, |of| {
+            of.violation_share()
+        })
+        .row(None),
+        of(["input_travel"; 2], "travel of the inputs, in widths of their bounds", One, 4, |of| {
+            of.input_travel
+        })
+        .neutral()
+        .row(None),
         of(["kkt_max"; 2], "Largest KKT residual", One, 2, |of| of.kkt_max)
             .printed("KKT max", |v| format!("{v:.1e}"))
             .neutral(),

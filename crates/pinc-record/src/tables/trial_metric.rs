@@ -1,6 +1,6 @@
 //! The metrics of a trial that the tables of a sweep have a column for.
 
-use crate::metric::{Metric, Of, Unit};
+use crate::metric::{Metric, Of, Unit, Value};
 use crate::metrics::Metrics;
 use pinc_config::{Experiment, ModelKind, sweep_models};
 
@@ -77,6 +77,21 @@ impl TrialMetric {
     pub fn name(self) -> String {
         let column = self.metric.column;
         self.model.map_or_else(|| column.to_owned(), |model| format!("{model}_{column}"))
+    }
+
+    /// Whether it is a measure of something in a unit, or a count.
+    #[must_use]
+    pub fn has_unit(self) -> bool {
+        self.metric.unit != Unit::One
+    }
+
+    /// Returns the number of a trial with these metrics, if it got so far and it is one.
+    #[must_use]
+    pub fn number(self, metrics: &Metrics) -> Option<f64> {
+        match self.metric.value(metrics, self.model)? {
+            Value::Number(value) => Some(value),
+            Value::Name(_) => None,
+        }
     }
 
     /// Returns the column's cell for a trial with these metrics, if it got so far.

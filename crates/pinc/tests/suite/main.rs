@@ -42,4 +42,5 @@ mod smoke;
 mod stages;
 mod sweep;
 mod traps;
+mod tune;
 mod ways;

@@ -1,0 +1,190 @@
+//! What the loops of a candidate cost.
+
+use super::Tried;
+use pinc_config::{Candidate, Experiment, TuneSpec};
+use pinc_record::{Ending, Finished, TrialMetric};
+use pinc_runs::{RunError, verdict};
+use std::cmp::Ordering;
+use std::fmt::Write as _;
+
+/// A weighted sum of metrics.
+pub(super) struct Cost {
+    terms: Vec<Term>,
+}
+
+struct Term {
+    metric: TrialMetric,
+    /// The metric's name without the model's.
+    name: String,
+    weight: f64,
+    /// What the metric is divided by.
+    scale: f64,
+}
+
+/// What came of a candidate.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Score {
+    /// Loops that failed.
+    pub(super) failed: usize,
+    /// The cost, the mean over the loops that did not; infinite if all did.
+    pub(super) cost: f64,
+    /// The means of the metrics over these.
+    means: Vec<f64>,
+}
+
+impl Score {
+    /// First by failures, then by cost.
+    pub(super) fn compare(&self, other: &Self) -> Ordering {
+        self.failed.cmp(&other.failed).then(self.cost.total_cmp(&other.cost))
+    }
+
+    pub(super) fn is_better(&self, other: &Self) -> bool {
+        self.compare(other) == Ordering::Less
+    }
+}
+
+impl std::fmt::Display for Score {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self.failed {
+            0 => write!(f, "{:.4}", self.cost),
+            usize::MAX => write!(f, "all loops failed"),
+            failed => write!(f, "{:.4} ({failed} loops failed)", self.cost),
+        }
+    }
+}
+
+impl std::fmt::Display for Cost {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        for (i, Term { name, weight, scale, .. }) in self.terms.iter().enumerate() {
+            let separator = if i == 0 { "" } else { " + " };
+            write!(f, "{separator}{weight} {name}")?;
+            if scale.total_cmp(&1.0).is_ne() {
+                write!(f, "/{scale:.4e}")?;
+            }
+        }
+        Ok(())
+    }
+}
+
+impl Cost {
+    /// The cost of `[tune]` for the loops of `base`, which has one model.
+    pub(super) fn of(base: &Experiment, spec: &TuneSpec) -> Result<Self, RunError> {
+        let model = base.control.iter().flat_map(|control| &control.models).next();
+        let prefix = model.map_or_else(String::new, |model| format!("{model}_"));
+        let known: Vec<(String, TrialMetric)> = TrialMetric::results(base)
+            .into_iter()
+            .filter(|metric| metric.is_number())
+            .filter_map(|metric| Some((metric.name().strip_prefix(&prefix)?.to_owned(), metric)))
+            .collect();
+        let term = |(name, weight): (&str, f64)| {
+            let found = known.iter().find(|(known, _)| known == name);
+            let Some((_, metric)) = found else {
+                let names: Vec<&str> = known.iter().map(|(name, _)| name.as_str()).collect();
+                let problem = format!(
+                    "`tune.cost`: \"{name}\" given, expected metrics of a closed loop: {}",
+                    names.join(", ")
+                );
+                return Err(RunError::usage(&base.name, problem));
+            };
+            Ok(Term { metric: *metric, name: name.to_owned(), weight, scale: 1.0 })
+        };
+        Ok(Self { terms: spec.weights().into_iter().map(term).collect::<Result<_, _>>()? })
+    }
+
+    /// Divides metrics with a unit by their means in these loops.
+    pub(super) fn set_scales(&mut self, results: &[Finished]) {
+        for Term { metric, scale, .. } in &mut self.terms {
+            if metric.has_unit() {
+                let values = results.iter().filter_map(|finished| metric.number(&finished.metrics));
+                let mean = mean(values.filter(|value| value.is_finite()));
+                *scale = if mean > 0.0 { mean } else { 1.0 };
+            }
+        }
+    }
+
+    /// What the loops of a candidate cost; the worst score without any.
+    pub(super) fn score(&self, base: &Experiment, results: &[Finished]) -> Score {
+        let values = |finished: &Finished| -> Option<Vec<f64>> {
+            let is_fine =
+                finished.ending == Ending::Done && verdict(base, &finished.metrics).is_ok();
+            let numbers = self.terms.iter().map(|term| term.metric.number(&finished.metrics));
+            let numbers: Vec<f64> = numbers.collect::<Option<_>>()?;
+            (is_fine && numbers.iter().all(|number| number.is_finite())).then_some(numbers)
+        };
+        let loops: Vec<Vec<f64>> = results.iter().filter_map(values).collect();
+        if loops.is_empty() {
+            return Score { failed: usize::MAX, cost: f64::INFINITY, means: Vec::new() };
+        }
+        let column = |i: usize| mean(loops.iter().map(|values| values[i]));
+        let means: Vec<f64> = (0..self.terms.len()).map(column).collect();
+        let terms = self.terms.iter().zip(&means);
+        let cost = terms.map(|(term, mean)| term.weight * mean / term.scale).sum();
+        Score { failed: results.len() - loops.len(), cost, means }
+    }
+
+    /// All candidates, the config as it is written first.
+    pub(super) fn table(&self, spec: &TuneSpec, tried: &[Tried]) -> String {
+        let names = self.terms.iter().map(|term| term.name.as_str());
+        let keys: Vec<&str> = spec.ranges.iter().map(|range| range.key.as_str()).collect();
+        let head = ["candidate", "failed", "cost"].into_iter().chain(names).chain(keys.clone());
+        let mut text = head.collect::<Vec<_>>().join(",") + "\n";
+        for (i, (values, score)) in tried.iter().enumerate() {
+            let failed = if score.failed == usize::MAX {
+                "all".to_owned()
+            } else {
+                score.failed.to_string()
+            };
+            let _ = write!(text, "{i},{failed},{}", score.cost);
+            for place in 0..self.terms.len() {
+                let mean = score.means.get(place).map_or_else(String::new, f64::to_string);
+                let _ = write!(text, ",{mean}");
+            }
+            for key in &keys {
+                let value = values.get(*key).map_or_else(String::new, ToString::to_string);
+                let _ = write!(text, ",{value}");
+            }
+            text.push('\n');
+        }
+        text
+    }
+
+    /// The two configs side by side: their values, and their loops that were held out.
+    pub(super) fn compared(
+        &self,
+        spec: &TuneSpec,
+        experiment: &Experiment,
+        values: &Candidate,
+        [written, tuned]: &[Score; 2],
+    ) -> String {
+        let mut rows = vec![[String::new(), "as written".to_owned(), "tuned".to_owned()]];
+        for range in &spec.ranges {
+            let before = experiment.value_of(&range.key);
+            let before = before.map_or_else(|| "-".to_owned(), |value| value.to_string());
+            let now = values.get(&range.key).map_or_else(|| before.clone(), ToString::to_string);
+            rows.push([range.key.clone(), before, now]);
+        }
+        rows.push([
+            format!("cost of {} held-out loops", spec.held_out),
+            written.to_string(),
+            tuned.to_string(),
+        ]);
+        for (i, term) in self.terms.iter().enumerate() {
+            let of =
+                |score: &Score| score.means.get(i).map_or_else(String::new, |v| format!("{v:.4}"));
+            rows.push([format!("  {}", term.name), of(written), of(tuned)]);
+        }
+        let width = |column: usize| rows.iter().map(|row| row[column].len()).max().unwrap_or(0);
+        let (first, second, third) = (width(0), width(1), width(2));
+        let mut text = String::new();
+        for [name, before, now] in &rows {
+            let _ = writeln!(text, "{name:<first$}  {before:>second$}  {now:>third$}");
+        }
+        text
+    }
+}
+
+/// The mean of numbers; 0 of none.
+fn mean(values: impl Iterator<Item = f64>) -> f64 {
+    let (sum, count) = values.fold((0.0, 0.0), |(sum, count), value| (sum + value, count + 1.0));
+    if count > 0.0 { sum / count } else { 0.0 }
+}
