@@ -55,6 +55,7 @@ pub(super) fn closed_loop(spec: &ControlSpec, variables: &Variables, plants: &Pl
     tolerance("control.plant_tolerance", spec.plant_tolerance)?;
     positive("control.sqp.tolerance", spec.sqp.tolerance)?;
     at_least_one("control.sqp.max_iterations", spec.sqp.max_iterations)?;
+    starts(spec)?;
     if let Some(budget_us) = spec.budget_us {
         positive("control.budget_us", budget_us)?;
     }
@@ -91,6 +92,20 @@ fn error_tolerance(spec: &ControlSpec, variables: &Variables) -> Checked {
         return value("control.on_error", format!("{:?}", spec.on_error).to_lowercase(), expected);
     }
     Ok(())
+}
+
+fn starts(spec: &ControlSpec) -> Checked {
+    at_least_one("control.sqp.starts", spec.sqp.starts)?;
+    let other = match () {
+        () if spec.sqp.starts == 1 => return Ok(()),
+        () if spec.sqp.real_time => "without `sqp.real_time`",
+        () if spec.uncertainty.is_some() => "without `control.uncertainty`",
+        () if spec.input_low.iter().chain(&spec.input_high).any(|bound| bound.is_infinite()) => {
+            "without infinite bounds of inputs"
+        }
+        () => return Ok(()),
+    };
+    value("control.sqp.starts", spec.sqp.starts, &format!("1, or a config {other}"))
 }
 
 /// What is judged of a loop.

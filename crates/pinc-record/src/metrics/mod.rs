@@ -14,7 +14,7 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 pub use control::{
-    ControlMetrics, CostMetrics, EstimatorMetrics, ModelErrorMetrics, ReferenceMetrics,
+    ControlMetrics, CostMetrics, EstimatorMetrics, FirstPlanMetrics, ModelErrorMetrics, ReferenceMetrics,
     TubeMetrics, is_failure,
 };
 pub use net::{PredictionMetrics, TrainingMetrics, ValidationMetrics};

@@ -157,3 +157,81 @@ fn what_does_not_go_together_is_named() {
         outcome(&mut command).assert_refused(&[key]);
     }
 }
+
+/// A boat passes an island, which is a little south of its course, to a place south of it.
+const ISLAND: &str = r#"
+name = "island"
+preset = "ours"
+seed = 1
+
+[plant.expression]
+states = ["east", "north"]
+inputs = ["speed"]
+derivatives = { east = "1", north = "speed" }
+outputs = { nearness = "1 - (east - 2)^2 - north^2" }
+
+[control]
+models = ["rk4"]
+step_s = 0.25
+duration_s = 0.25
+initial_state = [0.0, 0.1]
+n2 = 16
+nu = 16
+rk4_substeps = 1
+end_state = { north = -0.6 }
+input_low = [-2.0]
+input_high = [2.0]
+output_low = [-inf]
+output_high = [0.0]
+cost = { stage = "speed^2" }
+"#;
+
+/// Straight on the boat is led north of the island. 64 random starts of IPOPT end there or south of it
+/// (`benches/peers/casadi_cost.py`).
+#[test]
+fn several_starts_find_the_shorter_way_round() {
+    let cost = |sets: &[&str]| {
+        let sets: Vec<_> = sets.iter().map(|set| (*set).to_owned()).collect();
+        let experiment =
+            Experiment::parse("island.toml".as_ref(), ISLAND, &sets, &Plants::built_in()).unwrap();
+        let mut controller = LiveController::new(&experiment, None, None, "the test").unwrap();
+        let step = controller.step(&[0.0, 0.1], Follow::Config, None).unwrap();
+        assert_eq!(step.status, SqpStatus::Converged);
+        (step.cost.unwrap(), step.start)
+    };
+    let (north, start) = cost(&[]);
+    assert_eq!(start, None);
+    assert!((north - 1.923260).abs() < 1e-6, "{north}");
+    let (south, start) = cost(&["control.sqp.starts=8"]);
+    assert!((1..8).contains(&start.unwrap()), "{start:?}");
+    assert!((south - 0.749488).abs() < 1e-6, "{south}");
+    for (sets, expected) in [
+        (vec!["control.sqp.starts=0"], "`control.sqp.starts`"),
+        (vec!["control.sqp.starts=2", "control.input_low=[-inf]"], "infinite bounds"),
+    ] {
+        let sets: Vec<_> = sets.into_iter().map(str::to_owned).collect();
+        let refused = Experiment::parse("x.toml".as_ref(), ISLAND, &sets, &Plants::built_in());
+        let message = refused.unwrap_err().to_string();
+        assert!(message.contains(expected), "{message}");
+    }
+}
+
+/// IPOPT's best of 12 starts on this grid; the best period by itself, with a searched beginning, is as
+/// good (-0.0963190). The best steady state costs -0.0846378.
+#[test]
+fn a_period_beats_the_best_steady_state() {
+    let config = "configs/gallery/parallel-reactions.toml";
+    let (status, cost, inputs) = first_plan(config, &[]);
+    assert_eq!(status, SqpStatus::Converged);
+    assert!((cost + 0.0963191).abs() < 2e-7, "{cost}");
+    let in_period: Vec<f64> = inputs.chunks_exact(2).map(|u| u[1]).collect();
+    assert_eq!(in_period, [[0.0; 12], [1.0; 12]].concat());
+    for (set, expected) in [
+        ("control.switched={ in_period = 24 }", "`control.switched.in_period`"),
+        ("control.switched={ heat = 2 }", "`control.input_low[0]`"),
+        ("control.switched={ cold = 2 }", "`control.switched.cold`"),
+    ] {
+        let error = load(config, &[set]).unwrap_err();
+        assert!(error.contains(expected), "{set}: {error}");
+    }
+}

@@ -369,6 +369,11 @@ fn keys() -> Vec<(&'static str, Vec<&'static str>, About)> {
             Controller,
         ),
         ("end_state", vec!["control.end_state={ x = 0.1 }"], Controller),
+        (
+            "switched",
+            vec!["control.switched={ u = 1 }", "control.input_low=[0.0]", "control.input_high=[1.0]"],
+            Controller,
+        ),
         ("integer", vec!["control.integer=[\"u\"]"], Controller),
         (
             "integer_programs",
@@ -453,6 +458,7 @@ fn keys() -> Vec<(&'static str, Vec<&'static str>, About)> {
         ("sqp.max_iterations", vec!["control.sqp.max_iterations=1"], Controller),
         ("sqp.real_time", vec!["control.sqp.real_time=true"], Controller),
         ("sqp.hessian", vec!["control.sqp.hessian=\"adaptive\""], Unseen),
+        ("sqp.starts", vec!["control.sqp.starts=4"], Unseen),
         ("sqp.qp", vec!["control.sqp.qp=\"clarabel\""], Unseen),
     ]
 }
