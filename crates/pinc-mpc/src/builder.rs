@@ -112,9 +112,6 @@ impl NmpcBuilder {
         if exact && config.real_time {
             return Err(MpcError::CurvedInRealTime);
         }
-        if exact && !problem.tree().is_chain() {
-            return Err(MpcError::CurvedScenarios);
-        }
         if config.starts > 1 {
             let Bounds { low, high } = &problem.input_bounds;
             check_numbers("input_bounds.low", low, "finite with several starts", f64::is_finite)?;

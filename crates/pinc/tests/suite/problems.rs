@@ -13,11 +13,21 @@ fn load(config: &str, sets: &[&str]) -> Result<Experiment, String> {
     loaded.map_err(|error| error.to_string())
 }
 
+fn parse(text: &str, sets: &[&str]) -> Result<Experiment, String> {
+    let sets: Vec<_> = sets.iter().map(|set| (*set).to_owned()).collect();
+    let parsed = Experiment::parse("text.toml".as_ref(), text, &sets, &Plants::built_in());
+    parsed.map_err(|error| error.to_string())
+}
+
+fn controller_of(experiment: &Experiment) -> LiveController {
+    LiveController::new(experiment, None, None, "the test").unwrap()
+}
+
 /// The status, cost and inputs of the first plan.
 #[track_caller]
 fn first_plan(config: &str, sets: &[&str]) -> (SqpStatus, f64, Vec<f64>) {
     let experiment = load(config, sets).unwrap_or_else(|error| panic!("{error}"));
-    let mut controller = LiveController::new(&experiment, None, None, "the test").unwrap();
+    let mut controller = controller_of(&experiment);
     let x = controller.spec().initial_state.clone();
     let step = controller.step(&x, Follow::Config, None).unwrap();
     let (status, cost) = (step.status, step.cost.expect("a config with a cost"));
@@ -191,10 +201,7 @@ cost = { stage = "speed^2" }
 #[test]
 fn several_starts_find_the_shorter_way_round() {
     let cost = |sets: &[&str]| {
-        let sets: Vec<_> = sets.iter().map(|set| (*set).to_owned()).collect();
-        let experiment =
-            Experiment::parse("island.toml".as_ref(), ISLAND, &sets, &Plants::built_in()).unwrap();
-        let mut controller = LiveController::new(&experiment, None, None, "the test").unwrap();
+        let mut controller = controller_of(&parse(ISLAND, sets).unwrap());
         let step = controller.step(&[0.0, 0.1], Follow::Config, None).unwrap();
         assert_eq!(step.status, SqpStatus::Converged);
         (step.cost.unwrap(), step.start)
@@ -209,9 +216,7 @@ fn several_starts_find_the_shorter_way_round() {
         (vec!["control.sqp.starts=0"], "`control.sqp.starts`"),
         (vec!["control.sqp.starts=2", "control.input_low=[-inf]"], "infinite bounds"),
     ] {
-        let sets: Vec<_> = sets.into_iter().map(str::to_owned).collect();
-        let refused = Experiment::parse("x.toml".as_ref(), ISLAND, &sets, &Plants::built_in());
-        let message = refused.unwrap_err().to_string();
+        let message = parse(ISLAND, &sets).unwrap_err();
         assert!(message.contains(expected), "{message}");
     }
 }
@@ -234,4 +239,41 @@ fn a_period_beats_the_best_steady_state() {
         let error = load(config, &[set]).unwrap_err();
         assert!(error.contains(expected), "{set}: {error}");
     }
+}
+
+/// An economic cost on a tree of three scenarios, against IPOPT on three copies of the horizon with
+/// one first input (CasADi 3.8.2, classical RK4).
+#[test]
+fn an_economic_cost_on_a_tree_of_scenarios_has_the_optimum_of_ipopt() {
+    let config = r#"
+name = "tree"
+preset = "ours"
+seed = 1
+
+[plant.expression]
+states = ["x", "y"]
+inputs = ["u"]
+parameters = { k = 1.0 }
+derivatives = { x = "k*u*exp(-y) - x", y = "x - 0.5*y" }
+
+[control]
+models = ["rk4"]
+step_s = 0.25
+duration_s = 0.25
+initial_state = [0.2, 0.1]
+n2 = 8
+nu = 8
+rk4_substeps = 2
+state_high = { x = 0.3 }
+input_low = [-1.0]
+input_high = [2.0]
+scenarios = { values = { k = [1.0, 1.4, 0.6] } }
+cost = { stage = "0.3*u^2 - y*cos(x) + 0.1*t*u", terminal = "y^2" }
+"#;
+    let mut controller = controller_of(&parse(config, &[]).unwrap());
+    let step = controller.step(&[0.2, 0.1], Follow::Config, None).unwrap();
+    assert_eq!((step.status, step.curvature_dropped), (SqpStatus::Converged, false));
+    let (cost, u) = (step.cost.unwrap(), step.u[0]);
+    assert!((cost + 0.356433283338).abs() < 1e-7, "{cost}");
+    assert!((u - 0.526875).abs() < 1e-5, "{u}");
 }
