@@ -10,6 +10,10 @@ use crate::{Bounds, MpcError, SqpStatus};
 /// from two starts, differs by rounding.
 const CHEAPER: f64 = 1e-7;
 
+/// How far inputs move to leave a saddle, in parts of their ranges, and how many saddles are left.
+const ASIDE: f64 = 1e-3;
+const SADDLES: usize = 4;
+
 impl Nmpc {
     /// Gives the inputs of the next step's first guess, in place of ones that stay as they are: its
     /// states follow by the model. The plan found is a local minimum near it.
@@ -54,46 +58,78 @@ impl Nmpc {
         }
     }
 
-    /// Solves the step from more first guesses, as long as there is time, and keeps the cheapest
-    /// plan that converged, or else the plan `found`. Each guess holds a constant input; these
-    /// spread over the box of the inputs. Returns the outcome with the QPs of all starts, and which
-    /// start it is of: 0 is the plan found.
+    /// Looks for cheaper plans than the one `found`, as long as there is time: a step without a plan
+    /// to start from is solved from other first guesses, each of which holds one of the inputs that
+    /// [`Nmpc::spread`] spreads over their box; and a plan that met its conditions but is no minimum
+    /// is solved again from beside it. Returns the outcome of the cheapest plan that converged, or
+    /// else the one found, with the QPs of all, and from which start it is, if there were several.
     #[inline(never)]
-    pub(super) fn try_starts(
+    pub(super) fn improve(
         &mut self,
         reference: &[f64],
-        found: Outcome,
+        (found, is_cold): (Outcome, bool),
         expired: &mut dyn FnMut() -> bool,
     ) -> (Outcome, Option<usize>) {
         let Some(mut best) = self.best.take() else { return (found, None) };
-        let cost = |nmpc: &Self, of: &Outcome| match of.status {
-            SqpStatus::Converged => of.cost + nmpc.sqp.price_of_violations(),
-            _ => f64::INFINITY,
-        };
-        let (mut outcome, mut winner) = (found, 0);
-        let mut least = cost(self, &found);
-        let mut iterations = found.iterations;
         best.copy_from(&self.plan);
-        for start in 1..self.config.starts {
-            if expired() {
+        let (mut outcome, mut iterations) = (found, found.iterations);
+        let mut least = self.whole_cost(&found);
+        let starts = if is_cold { self.config.starts } else { 1 };
+        let mut winner = (starts > 1).then_some(0);
+        for attempt in 1..starts + SADDLES {
+            let start = (attempt < starts).then_some(attempt);
+            let is_saddle = outcome.curvature_dropped && outcome.status == SqpStatus::Converged;
+            if start.is_none() && !is_saddle || expired() {
                 break;
             }
-            self.spread(start);
-            self.roll_out();
+            match start {
+                Some(start) => self.spread(start),
+                None => {
+                    self.plan.copy_from(&best);
+                    self.move_aside();
+                }
+            }
             let other = self.optimize(reference, expired);
             iterations += other.iterations;
-            let other_cost = cost(self, &other);
-            if other_cost + CHEAPER * other_cost.abs() < least {
-                (outcome, winner, least) = (other, start, other_cost);
+            let cost = self.whole_cost(&other);
+            if cost + CHEAPER * cost.abs() < least {
+                (outcome, least) = (other, cost);
                 best.copy_from(&self.plan);
+                winner = start.or(winner);
+            } else if start.is_none() {
+                break;
             }
         }
         self.plan.copy_from(&best);
         self.best = Some(best);
-        (Outcome { iterations, ..outcome }, Some(winner))
+        (Outcome { iterations, ..outcome }, winner)
     }
 
-    /// Writes the constant inputs of a start: point `start` of a sequence of low discrepancy, the
+    /// The cost of a plan with its violations of soft bounds; infinite if it did not converge.
+    fn whole_cost(&self, of: &Outcome) -> f64 {
+        match of.status {
+            SqpStatus::Converged => of.cost + self.sqp.price_of_violations(),
+            _ => f64::INFINITY,
+        }
+    }
+
+    /// Moves each input of the plan by a small part of its range, one way or the other.
+    fn move_aside(&mut self) {
+        let Bounds { low, high } = &self.problem.input_bounds;
+        let golden = 0.5 * (5.0_f64.sqrt() - 1.0);
+        let mut turn = 0.0_f64;
+        let inputs = self.plan.z[self.dims.all_states()..].iter_mut();
+        for (i, u) in inputs.enumerate() {
+            let i = i % self.dims.nu;
+            let range = high[i] - low[i];
+            let size = if range.is_finite() { range } else { u.abs().max(1.0) };
+            turn = (turn + golden).fract();
+            *u += ASIDE * size * (2.0 * turn - 1.0);
+        }
+        self.sqp.project(&mut self.plan, &self.previous);
+    }
+
+    /// Writes the first guess of a start, with constant inputs: point `start` of a sequence of low discrepancy, the
     /// multiples of the powers of 1/g with g^(m+1) = g + 1 (M. Roberts, "The unreasonable
     /// effectiveness of quasirandom sequences", 2018), which is the golden ratio for one input.
     fn spread(&mut self, start: usize) {
@@ -110,5 +146,6 @@ impl Nmpc {
             let u = low + (high - low) * (0.5 + multiple * power).fract();
             inputs.iter_mut().skip(i).step_by(m).for_each(|input| *input = u);
         }
+        self.roll_out();
     }
 }

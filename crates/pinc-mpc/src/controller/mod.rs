@@ -96,7 +96,7 @@ pub struct Nmpc {
     /// The reference at the nodes of a tree.
     at_nodes: Option<AtNodes>,
     pub(crate) search: Option<Box<dyn PlanSearch>>,
-    /// The best plan of several starts, if there are several.
+    /// The best plan so far, where several may be found.
     best: Option<Solution>,
 }
 
@@ -134,7 +134,7 @@ impl Nmpc {
             dims,
             sqp,
             fallback: plan.clone(),
-            best: (config.starts > 1).then(|| plan.clone()),
+            best: sqp.may_improve().then(|| plan.clone()),
             plan,
             guess: Guess::Cold,
             phase: Phase::Solved,
@@ -424,8 +424,8 @@ impl Nmpc {
             outcome = self.optimize(reference, expired);
         }
         let mut start = None;
-        if is_cold && self.best.is_some() {
-            (outcome, start) = self.try_starts(reference, outcome, expired);
+        if self.best.is_some() {
+            (outcome, start) = self.improve(reference, (outcome, is_cold), expired);
         }
         if self.search.is_some() {
             outcome = self.look_further(reference, outcome, expired);

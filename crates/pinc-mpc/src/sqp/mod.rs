@@ -481,6 +481,11 @@ impl Sqp {
         }
     }
 
+    /// Whether a plan may be a saddle, or one of several.
+    pub(crate) fn may_improve(&self) -> bool {
+        self.config.starts > 1 || self.transcription.leaves_out_hessian()
+    }
+
     /// What the violations of soft constraints cost in the plan that was solved last.
     pub(crate) fn price_of_violations(&self) -> f64 {
         self.transcription.units.plain_cost(price_of_violations(&self.qp))
