@@ -96,16 +96,17 @@ fn error_tolerance(spec: &ControlSpec, variables: &Variables) -> Checked {
 
 fn starts(spec: &ControlSpec) -> Checked {
     at_least_one("control.sqp.starts", spec.sqp.starts)?;
-    let other = match () {
-        () if spec.sqp.starts == 1 => return Ok(()),
-        () if spec.sqp.real_time => "without `sqp.real_time`",
-        () if spec.uncertainty.is_some() => "without `control.uncertainty`",
-        () if spec.input_low.iter().chain(&spec.input_high).any(|bound| bound.is_infinite()) => {
-            "without infinite bounds of inputs"
+    let mut bounds = spec.input_low.iter().chain(&spec.input_high);
+    for (other, is_there) in [
+        ("sqp.real_time", spec.sqp.real_time),
+        ("[control.uncertainty]", spec.uncertainty.is_some()),
+        ("infinite bounds of inputs", bounds.any(|bound| bound.is_infinite())),
+    ] {
+        if is_there && spec.sqp.starts > 1 {
+            return value("control.sqp.starts", spec.sqp.starts, &format!("1 with {other}"));
         }
-        () => return Ok(()),
-    };
-    value("control.sqp.starts", spec.sqp.starts, &format!("1, or a config {other}"))
+    }
+    Ok(())
 }
 
 /// What is judged of a loop.

@@ -129,9 +129,9 @@ impl Nmpc {
         self.sqp.project(&mut self.plan, &self.previous);
     }
 
-    /// Writes the first guess of a start, with constant inputs: point `start` of a sequence of low discrepancy, the
-    /// multiples of the powers of 1/g with g^(m+1) = g + 1 (M. Roberts, "The unreasonable
-    /// effectiveness of quasirandom sequences", 2018), which is the golden ratio for one input.
+    /// Writes the first guess of a start, with constant inputs: point `start` of a sequence of low
+    /// discrepancy, the multiples of the powers of 1/g with g^(m+1) = g + 1, the golden ratio for one
+    /// input (M. Roberts, "The unreasonable effectiveness of quasirandom sequences", 2018).
     fn spread(&mut self, start: usize) {
         let Bounds { low, high } = &self.problem.input_bounds;
         let m = self.dims.nu;

@@ -481,9 +481,11 @@ impl Sqp {
         }
     }
 
-    /// Whether a plan may be a saddle, or one of several.
+    /// Whether a plan may be a saddle, or one of several. A tube follows the only solution of a step.
     pub(crate) fn may_improve(&self) -> bool {
-        self.config.starts > 1 || self.transcription.leaves_out_hessian()
+        let transcription = &self.transcription;
+        let several = self.config.starts > 1 || transcription.leaves_out_hessian();
+        several && !transcription.is_tightened()
     }
 
     /// What the violations of soft constraints cost in the plan that was solved last.
