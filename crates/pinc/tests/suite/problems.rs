@@ -242,7 +242,7 @@ fn a_period_beats_the_best_steady_state() {
 }
 
 /// An economic cost on a tree of three scenarios, against IPOPT on three copies of the horizon with
-/// one first input (CasADi 3.8.2, classical RK4).
+/// one first input (`CasADi` 3.8.2, classical RK4).
 #[test]
 fn an_economic_cost_on_a_tree_of_scenarios_has_the_optimum_of_ipopt() {
     let config = r#"
