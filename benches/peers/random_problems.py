@@ -1,20 +1,21 @@
 """Random control problems with costs as text: is a plan that PINC calls converged a minimum?
 
-    python random_problems.py make DIRECTORY [COUNT] [SEED]
-    PINC_PROBLEMS=DIRECTORY cargo test --workspace --test suite plans_for_another_program
-    python random_problems.py judge DIRECTORY
+    python random_problems.py PINC [COUNT] [FIRST]
 
-`make` writes configs: plants of one to four states with nonlinear equations, economic stage and terminal
-costs, weights on changes, bounds on states and on nonlinear outputs, free end times with values at the
-end. `judge` starts IPOPT at each plan that converged, on the same discretization, and counts plans that
-have a better neighbour: one that is cheaper by more than 1e-6 of the cost.
+Writes configs into a temporary directory: plants of one to four states with nonlinear equations, economic
+stage and terminal costs, weights on changes, bounds on states and on nonlinear outputs, free end times
+with values at the end. PINC, the program, plans each first step (`pinc serve`). IPOPT starts at each plan
+that converged, on the same discretization. Counts plans that have a better neighbour: one that is cheaper
+by more than 1e-6 of the cost. Exits with 1 if there is one.
 """
 
 import collections
 import json
 import pathlib
 import random
+import subprocess
 import sys
+import tempfile
 import tomllib
 
 import casadi_cost
@@ -91,7 +92,7 @@ def make(kind, seed):
     if weighted:
         lines += [f"r = {table({v: rng.uniform(0.01, 0.3) if v in u else 0.0 for v in inputs})}"]
     if kind == "output":
-        lines += [f"output_low = {{ y = -inf }}", f"output_high = {{ y = {value + rng.uniform(0.02, 0.5)!r} }}"]
+        lines += [f"output_low = {{ y = -inf }}", f"output_high = {{ y = {value + rng.uniform(0.1, 0.6)!r} }}"]
     if kind == "state":
         i = rng.randrange(n)
         sides = {f"{x[i]}": start[i] + rng.choice([-1, 1]) * rng.uniform(0.05, 0.5)}
@@ -103,41 +104,50 @@ def make(kind, seed):
     return "\n".join(lines) + "\n"
 
 
-def judge(directory):
-    counts = collections.Counter()
-    for line in (directory / "plans.jsonl").read_text().splitlines():
-        plan = json.loads(line)
-        kind, status = KINDS[int(plan["name"][1:]) % len(KINDS)], plan["status"]
-        counts[f"all {status}"] += 1
-        counts[f"{kind} {status}"] += 1
-        if status != "converged":
-            print(plan["name"], kind, status, plan["programs"], f"{plan['kkt']:.1e}")
-            continue
-        config = tomllib.loads((directory / f"{plan['name']}.toml").read_text())
-        cost, inputs, found, _, before = casadi_cost.solve(config, plan["inputs"], LOCAL)
-        size = max(1e-3, abs(plan["cost"]))
-        if abs(before - plan["cost"]) > 1e-6 * size:
-            counts["another cost of the same inputs"] += 1
-            print(plan["name"], kind, "costs", plan["cost"], "here", before)
-        gain = (plan["cost"] - cost) / size
-        if gain > 1e-6 and found == "Solve_Succeeded":
-            named = plan["curvature_dropped"]
-            counts["better neighbour" + (", curvature_dropped" if named else "")] += 1
-            far = max(abs(a - b) for a, b in zip(inputs, plan["inputs"]))
-            print(plan["name"], kind, f"better by {gain:.2e}, {far:.1e} away",
-                  "curvature dropped" if named else "")
-        elif plan["curvature_dropped"]:
-            counts["curvature_dropped at a minimum"] += 1
-    for name, count in sorted(counts.items()):
-        print(f"{count:5} {name}")
+def plan_of(pinc, path, config):
+    """The answer of `pinc serve` to the initial state, and the inputs of the plan."""
+    control = config["control"]
+    lines = [{"y": control["initial_state"]}, {"command": "save"}]
+    served = subprocess.run([pinc, "serve", path], input="\n".join(map(json.dumps, lines)), text=True,
+                            capture_output=True, check=True).stdout.splitlines()
+    answer, saved = (json.loads(line) for line in served)
+    states = control["n2"] * len(control["initial_state"])
+    inputs = control["nu"] * len(control["input_low"])
+    return answer, saved["state"]["numbers"][states:states + inputs]
+
+
+def judge(pinc, path, kind, counts):
+    config = tomllib.loads(path.read_text())
+    answer, plan = plan_of(pinc, path, config)
+    status = answer["status"]
+    counts[f"all {status}"] += 1
+    counts[f"{kind} {status}"] += 1
+    if status != "converged":
+        print(path.stem, kind, status, flush=True)
+        return
+    cost, inputs, found, _, before = casadi_cost.solve(config, plan, LOCAL)
+    size = max(1e-3, abs(answer["cost"]))
+    if abs(before - answer["cost"]) > 1e-6 * size:
+        counts["other cost of the same inputs"] += 1
+        print(path.stem, kind, "costs", answer["cost"], "here", before)
+    gain, named = (answer["cost"] - cost) / size, answer["curvature_dropped"]
+    if gain > 1e-6 and found == "Solve_Succeeded":
+        counts["better neighbour" + (", curvature_dropped" if named else "")] += 1
+        far = max(abs(a - b) for a, b in zip(inputs, plan))
+        print(path.stem, kind, f"better by {gain:.2e}, {far:.1e} away",
+              "curvature_dropped" if named else "", flush=True)
+    elif named:
+        counts["minimum, curvature_dropped"] += 1
 
 
 if __name__ == "__main__":
-    directory = pathlib.Path(sys.argv[2])
-    if sys.argv[1] == "make":
-        count, seed = (int(of) for of in (sys.argv[3:] + ["200", "0"][len(sys.argv) - 3:]))
-        directory.mkdir(parents=True, exist_ok=True)
-        for k in range(seed, seed + count):
-            (directory / f"p{k:04}.toml").write_text(make(KINDS[k % len(KINDS)], k))
-    else:
-        judge(directory)
+    pinc, count, first = (sys.argv[1:] + ["200", "0"][len(sys.argv) - 2:])[:3]
+    counts = collections.Counter()
+    with tempfile.TemporaryDirectory() as directory:
+        for k in range(int(first), int(first) + int(count)):
+            path = pathlib.Path(directory) / f"p{k:04}.toml"
+            path.write_text(make(KINDS[k % len(KINDS)], k))
+            judge(pinc, path, KINDS[k % len(KINDS)], counts)
+    for name, number in sorted(counts.items()):
+        print(f"{number:5} {name}")
+    sys.exit(any(name.startswith("better") for name in counts))

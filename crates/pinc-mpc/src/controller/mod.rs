@@ -126,6 +126,7 @@ impl Nmpc {
         let plan = Solution::new(dims);
         Self {
             at_nodes: AtNodes::new(&problem, dims),
+            best: sqp.may_improve().then(|| plan.clone()),
             parameters: problem.parameters.clone(),
             pending: vec![0.0; problem.delay * dims.nu],
             problem,
@@ -134,7 +135,6 @@ impl Nmpc {
             dims,
             sqp,
             fallback: plan.clone(),
-            best: sqp.may_improve().then(|| plan.clone()),
             plan,
             guess: Guess::Cold,
             phase: Phase::Solved,

@@ -6,9 +6,6 @@ use pinc_config::{Experiment, Plants};
 use pinc_mpc::SqpStatus;
 use pinc_runs::{Follow, LiveController};
 use serde::Deserialize;
-use serde_json::json;
-use std::fs;
-use std::path::PathBuf;
 
 /// What IPOPT found.
 #[derive(Deserialize)]
@@ -51,32 +48,6 @@ fn first_plans_are_those_of_ipopt() {
             assert!(off < 1e-4, "{name}, input {i}: {found} {expected}");
         }
     }
-}
-
-/// The plans of the configs in the directory `PINC_PROBLEMS`, for
-/// `benches/peers/random_problems.py`: a line of JSON each in its `plans.jsonl`.
-#[test]
-fn plans_for_another_program() {
-    let Some(directory) = std::env::var_os("PINC_PROBLEMS").map(PathBuf::from) else { return };
-    let mut paths: Vec<_> =
-        directory.read_dir().unwrap().map(|entry| entry.unwrap().path()).collect();
-    paths.retain(|path| path.extension().is_some_and(|extension| extension == "toml"));
-    paths.sort();
-    let plans = paths.iter().map(|path| {
-        let experiment = Experiment::load(path, &[], &Plants::built_in())
-            .unwrap_or_else(|error| panic!("{error}"));
-        let mut controller = LiveController::new(&experiment, None, None, "the test").unwrap();
-        let x = controller.spec().initial_state.clone();
-        let step = controller.step(&x, Follow::Config, None).unwrap();
-        let mut found = json!({
-            "name": path.file_stem().unwrap().to_str(), "status": step.status.to_string(),
-            "cost": step.cost, "programs": step.sqp_iterations, "kkt": step.kkt,
-            "curvature_dropped": step.curvature_dropped,
-        });
-        found["inputs"] = json!(controller.nmpc().plan().inputs());
-        found.to_string() + "\n"
-    });
-    fs::write(directory.join("plans.jsonl"), plans.collect::<String>()).unwrap();
 }
 
 #[test]
