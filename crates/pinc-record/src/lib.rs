@@ -51,9 +51,8 @@ pub use identification::{
 };
 pub use metrics::{
     ControlMetrics, CostMetrics, EstimatorMetrics, Excess, FileNote, FirstPlanMetrics, Metrics,
-    ModelErrorMetrics,
-    OneStepMetrics, OutsideDomain, PredictionMetrics, ReferenceMetrics, StepErrors, SweepMetrics,
-    TrainingMetrics, TubeMetrics, ValidationMetrics, is_failure,
+    ModelErrorMetrics, OneStepMetrics, OutsideDomain, PredictionMetrics, ReferenceMetrics,
+    StepErrors, SweepMetrics, TrainingMetrics, TubeMetrics, ValidationMetrics, is_failure,
 };
 pub use provenance::{Invocation, Provenance};
 pub use run_dir::RunDir;

@@ -110,7 +110,11 @@ fn switched(control: &ControlSpec, variables: &Variables) -> Checked {
         {
             if bounds[place].total_cmp(&expected).is_ne() {
                 let key = format!("control.input_{side}[{place}]");
-                return value(&key, bounds[place], &format!("{expected}, since {name} is switched"));
+                return value(
+                    &key,
+                    bounds[place],
+                    &format!("{expected}, since {name} is switched"),
+                );
             }
         }
     }

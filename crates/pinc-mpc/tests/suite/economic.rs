@@ -321,9 +321,8 @@ fn a_first_plan_chooses_the_well() {
 /// which later steps stay in, if there is time; without time the plan is the one of a single start.
 #[test]
 fn several_starts_find_the_deeper_well() {
-    let build = |starts| {
-        sloping_wells(6, 0.3, SqpConfig { starts, ..SqpConfig::default() }).unwrap()
-    };
+    let build =
+        |starts| sloping_wells(6, 0.3, SqpConfig { starts, ..SqpConfig::default() }).unwrap();
     let mut one = build(1);
     let step = one.step(&[0.6], &[]).unwrap();
     assert_eq!((step.status, step.start), (SqpStatus::Converged, None));
