@@ -87,7 +87,6 @@ def listed(config):
             control[key] = [control[key].get(name, default) for name in names]
     ends = control.get("end_state", {})
     control["ends"] = [(i, ends[name]) for i, name in enumerate(states) if name in ends]
-    control["switched"] = [(inputs.index(name), count) for name, count in control.get("switched", {}).items()]
     stretch = control.get("free_time")
     control["stretch"] = inputs.index(stretch) if stretch else None
     return control
@@ -138,9 +137,6 @@ def solve(config, guess=None, options=None):
         same.append(X[-1][i] - value)
     low = control.get("state_low", [-inf] * n) * len(X) + control["input_low"] * len(U)
     high = control.get("state_high", [inf] * n) * len(X) + control["input_high"] * len(U)
-    for i, count in control["switched"]:
-        for j in range(len(U)):
-            low[n * len(X) + m * j + i] = high[n * len(X) + m * j + i] = float(j >= count)
     held = control.get("first_plan", {}).get("input", control.get("initial_input", [0.0] * m))
     start = list(control["initial_state"]) * len(X) + list(held) * len(U)
     if guess is not None:

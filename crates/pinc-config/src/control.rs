@@ -92,10 +92,6 @@ pub struct ControlSpec {
     /// Values that states must have at the end of the horizon, by name; none if absent.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub end_state: BTreeMap<String, f64>,
-    /// Inputs that are not chosen but 0 in the first steps of each plan, as many as given here by
-    /// name, and 1 in the others. A state whose rate has such a factor counts from there on.
-    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
-    pub switched: BTreeMap<String, usize>,
     /// Names of the inputs that are whole numbers, as pumps that are on (1) or off (0).
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub integer: Vec<String>,
@@ -256,7 +252,7 @@ impl ControlSpec {
             tracked: self.controlled.iter().filter_map(tracked).collect(),
             state_bounds: self.state_bounds(variables),
             state_softness: self.state_softness.clone(),
-            input_bounds: self.input_bounds(variables),
+            input_bounds: Bounds { low: self.input_low.clone(), high: self.input_high.clone() },
             increment_bounds,
             output_bounds: self.output_bounds(variables),
             output_softness: self.output_softness(variables),
@@ -279,25 +275,6 @@ impl ControlSpec {
         for (i, state) in variables.states.iter().enumerate() {
             if let Some(value) = self.end_state.get(state.name.as_ref()) {
                 (all.low[last + i], all.high[last + i]) = (*value, *value);
-            }
-        }
-        all
-    }
-
-    /// The bounds of the inputs, with the values of those that are switched.
-    fn input_bounds(&self, variables: &Variables) -> Bounds {
-        let all = Bounds { low: self.input_low.clone(), high: self.input_high.clone() };
-        if self.switched.is_empty() {
-            return all;
-        }
-        let free = self.nu.min(self.n2);
-        let mut all = Bounds { low: all.low.repeat(free), high: all.high.repeat(free) };
-        for (i, input) in variables.inputs.iter().enumerate() {
-            let Some(&from) = self.switched.get(input.name.as_ref()) else { continue };
-            for stage in 0..free {
-                let at = stage * variables.inputs.len() + i;
-                let value = if stage < from { 0.0 } else { 1.0 };
-                (all.low[at], all.high[at]) = (value, value);
             }
         }
         all

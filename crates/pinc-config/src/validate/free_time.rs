@@ -1,4 +1,4 @@
-//! Checks of `control.free_time`, `control.end_state` and `control.switched`.
+//! Checks of `control.free_time` and `control.end_state`.
 
 use super::values::value;
 use super::{Checked, Problem};
@@ -8,14 +8,13 @@ use crate::{ControlSpec, Experiment, Profile, Variables};
 
 const KEY: &str = "control.free_time";
 
-/// All three keys.
+/// Both keys.
 pub(super) fn free_time(
     experiment: &Experiment,
     control: &ControlSpec,
     variables: &Variables,
 ) -> Checked {
     end_state(control, variables)?;
-    switched(control, variables)?;
     let Some(name) = &control.free_time else { return Ok(()) };
     let found = || format!("{name:?}");
     let Some(place) = control.stretch(variables) else {
@@ -88,39 +87,6 @@ fn end_state(control: &ControlSpec, variables: &Variables) -> Checked {
     if !control.end_state.is_empty() && !control.bound_schedule.is_empty() {
         let expected = "no such table with control.bound_schedule";
         return value("control.end_state", "a table", expected);
-    }
-    Ok(())
-}
-
-fn switched(control: &ControlSpec, variables: &Variables) -> Checked {
-    let known = variables.input_names();
-    for (name, &from) in &control.switched {
-        let key = format!("control.switched.{name}");
-        let Some(place) = known.iter().position(|input| input == name) else {
-            let (found, nearest) = (name.clone(), nearest(name, &known));
-            return Err((key, Problem::Word { found, known, nearest }));
-        };
-        let free = control.nu.min(control.n2);
-        if !(1..free).contains(&from) {
-            let expected = format!("from 1 to {}, since {free} inputs are planned", free - 1);
-            return value(&key, from, &expected);
-        }
-        for (side, bounds, expected) in
-            [("low", &control.input_low, 0.0), ("high", &control.input_high, 1.0)]
-        {
-            if bounds[place].total_cmp(&expected).is_ne() {
-                let key = format!("control.input_{side}[{place}]");
-                return value(
-                    &key,
-                    bounds[place],
-                    &format!("{expected}, since {name} is switched"),
-                );
-            }
-        }
-    }
-    if !control.switched.is_empty() && !control.bound_schedule.is_empty() {
-        let expected = "no such table with control.bound_schedule";
-        return value("control.switched", "a table", expected);
     }
     Ok(())
 }

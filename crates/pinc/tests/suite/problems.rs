@@ -222,26 +222,6 @@ fn several_starts_find_the_shorter_way_round() {
     }
 }
 
-/// IPOPT's best of 12 starts on this grid; the best period by itself, with a searched beginning, is as
-/// good (-0.0963190). The best steady state costs -0.0846378.
-#[test]
-fn a_period_beats_the_best_steady_state() {
-    let config = "configs/gallery/parallel-reactions.toml";
-    let (status, cost, inputs) = first_plan(config, &[]);
-    assert_eq!(status, SqpStatus::Converged);
-    assert!((cost + 0.0963191).abs() < 2e-7, "{cost}");
-    let in_period: Vec<f64> = inputs.chunks_exact(2).map(|u| u[1]).collect();
-    assert_eq!(in_period, [[0.0; 12], [1.0; 12]].concat());
-    for (set, expected) in [
-        ("control.switched={ in_period = 24 }", "`control.switched.in_period`"),
-        ("control.switched={ heat = 2 }", "`control.input_low[0]`"),
-        ("control.switched={ cold = 2 }", "`control.switched.cold`"),
-    ] {
-        let error = load(config, &[set]).unwrap_err();
-        assert!(error.contains(expected), "{set}: {error}");
-    }
-}
-
 /// An economic cost on a tree of three scenarios, against IPOPT on three copies of the horizon with
 /// one first input (`CasADi` 3.8.2, classical RK4).
 #[test]

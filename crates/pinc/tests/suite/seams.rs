@@ -369,15 +369,6 @@ fn keys() -> Vec<(&'static str, Vec<&'static str>, About)> {
             Controller,
         ),
         ("end_state", vec!["control.end_state={ x = 0.1 }"], Controller),
-        (
-            "switched",
-            vec![
-                "control.switched={ u = 1 }",
-                "control.input_low=[0.0]",
-                "control.input_high=[1.0]",
-            ],
-            Controller,
-        ),
         ("integer", vec!["control.integer=[\"u\"]"], Controller),
         (
             "integer_programs",
