@@ -78,7 +78,9 @@ def listed(config):
     states, inputs = ([v if isinstance(v, str) else v["name"] for v in plant[key]]
                       for key in ("states", "inputs"))
     inf = float("inf")
+    outputs = sorted(plant.get("outputs", {}))
     for key, names, default in [("state_low", states, -inf), ("state_high", states, inf),
+                                ("output_low", outputs, -inf), ("output_high", outputs, inf),
                                 ("input_low", inputs, -inf), ("input_high", inputs, inf),
                                 ("initial_input", inputs, 0.0), ("r", inputs, 0.0)]:
         if isinstance(control.get(key), dict):
@@ -90,7 +92,13 @@ def listed(config):
     return control
 
 
-def solve(config, guess=None):
+QUIET = {"ipopt.print_level": 0, "print_time": 0, "ipopt.sb": "yes", "ipopt.tol": 1e-11,
+         "ipopt.max_iter": 5000, "ipopt.bound_relax_factor": 0.0}
+
+
+def solve(config, guess=None, options=None):
+    """IPOPT's plan from the config's first plan, or the inputs `guess`, whose states follow by the model:
+    objective, inputs, status, iterations, and the objective of the guess."""
     control = listed(config)
     n, m = len(control["initial_state"]), len(control["input_low"])
     lengths = control.get("stages_s", [control["step_s"]] * control["n2"])
@@ -105,7 +113,7 @@ def solve(config, guess=None):
     X = [ca.MX.sym(f"x{j + 1}", n) for j in range(len(lengths))]
     U = [ca.MX.sym(f"u{j}", m) for j in range(control["nu"])]
     x, time, J, g, same = ca.DM(control["initial_state"]), 0.0, 0, [], []
-    outputs, most = [], []
+    outputs, least, most = [], [], []
     previous = control.get("initial_input", [0.0] * m)
     r = control.get("r", [0.0] * m)
     for j, length in enumerate(lengths):
@@ -119,9 +127,10 @@ def solve(config, guess=None):
                 same.append(u[stretch] - previous[stretch])
             previous = u
         g.append(following - X[j])
-        if "output_high" in control:
+        if "output_high" in control or "output_low" in control:
             outputs.append(bounded(X[j], u))
-            most += control["output_high"]
+            least += control.get("output_low", [-inf] * outputs[-1].numel())
+            most += control.get("output_high", [inf] * outputs[-1].numel())
         x, time = X[j], time + length
     J += end(x, U[-1], time)
     for i, value in control["ends"]:
@@ -129,22 +138,28 @@ def solve(config, guess=None):
     low = control.get("state_low", [-inf] * n) * len(X) + control["input_low"] * len(U)
     high = control.get("state_high", [inf] * n) * len(X) + control["input_high"] * len(U)
     held = control.get("first_plan", {}).get("input", control.get("initial_input", [0.0] * m))
-    start = guess or list(control["initial_state"]) * len(X) + list(held) * len(U)
-    problem = {"x": ca.vertcat(*X, *U), "f": J, "g": ca.vertcat(*g, *same, *outputs)}
-    quiet = {"ipopt.print_level": 0, "print_time": 0, "ipopt.sb": "yes", "ipopt.tol": 1e-11,
-             "ipopt.max_iter": 5000, "ipopt.bound_relax_factor": 0.0}
-    solver = ca.nlpsol("s", "ipopt", problem, quiet)
-    found = solver(x0=start, lbx=low, ubx=high, lbg=[0] * (n * len(X) + len(same)) + [-inf] * len(most),
-                   ubg=[0] * (n * len(X) + len(same)) + most)
-    z = found["x"].full().ravel().tolist()
-    status = solver.stats()["return_status"]
-    return float(found["f"]), z[n * len(X):], status, solver.stats()["iter_count"]
+    start = list(control["initial_state"]) * len(X) + list(held) * len(U)
+    if guess is not None:
+        start, x, time = [], ca.DM(control["initial_state"]), 0.0
+        for j, length in enumerate(lengths):
+            u = guess[m * min(j, len(U) - 1):][:m]
+            x, _ = steps[length if j > 0 or stretch is None else None](x, u, time)
+            start, time = start + x.full().ravel().tolist(), time + length
+        start += guess
+    z = ca.vertcat(*X, *U)
+    problem = {"x": z, "f": J, "g": ca.vertcat(*g, *same, *outputs)}
+    solver = ca.nlpsol("s", "ipopt", problem, QUIET | (options or {}))
+    equal = [0] * (n * len(X) + len(same))
+    found = solver(x0=start, lbx=low, ubx=high, lbg=equal + least, ubg=equal + most)
+    inputs = found["x"].full().ravel().tolist()[n * len(X):]
+    stats, before = solver.stats(), float(ca.Function("J", [z], [J])(start))
+    return float(found["f"]), inputs, stats["return_status"], stats["iter_count"], before
 
 
 if __name__ == "__main__":
     for path in sys.argv[1:]:
         with open(path, "rb") as file:
             config = tomllib.load(file)
-        objective, inputs, status, count = solve(config)
+        objective, inputs, status, count, _ = solve(config)
         print(json.dumps({"name": config["name"], "objective": objective, "inputs": inputs,
                           "status": status, "iterations": count}), flush=True)

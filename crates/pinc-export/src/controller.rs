@@ -218,6 +218,9 @@ impl<'a> Controller<'a> {
         if config.hessian == SqpHessian::Adaptive {
             return refuse("sqp.hessian = \"adaptive\"", "sqp.hessian = \"gauss-newton\"");
         }
+        if config.starts > 1 {
+            return refuse("sqp.starts", "sqp.starts = 1");
+        }
         let inputs = problem.control_horizon * dims.nu;
         let coupled = problem.weights.input_sequence.is_some();
         let method = match config.qp {

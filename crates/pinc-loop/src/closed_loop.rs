@@ -97,6 +97,8 @@ pub struct StepRecord {
     pub curvature_dropped: bool,
     /// The cost J of the plan.
     pub cost: f64,
+    /// From which of several starts the plan was found, if they were tried.
+    pub start: Option<usize>,
     /// Whether the model was trusted in the plan's first step.
     pub trust: Trust,
     /// Whether the plan keeps the bounds of the controller's tube, if there is one.
@@ -313,6 +315,7 @@ impl<'a> ClosedLoop<'a> {
             violated: step.violated,
             curvature_dropped: step.curvature_dropped,
             cost: step.cost,
+            start: step.start,
             trust: step.trust,
             in_tube: None,
         });

@@ -1,9 +1,10 @@
 //! Putting a controller together.
 
+use crate::error::check_numbers;
 use crate::guard::{Guard, Judge};
 use crate::horizon::Horizon;
 use crate::sqp::Sqp;
-use crate::{MpcError, Nmpc, NmpcProblem, PlanSearch, SqpConfig, StageCost};
+use crate::{Bounds, MpcError, Nmpc, NmpcProblem, PlanSearch, SqpConfig, StageCost};
 use pinc_ode::Model;
 use pinc_tube::Tube;
 
@@ -111,8 +112,10 @@ impl NmpcBuilder {
         if exact && config.real_time {
             return Err(MpcError::CurvedInRealTime);
         }
-        if exact && !problem.tree().is_chain() {
-            return Err(MpcError::CurvedScenarios);
+        if config.starts > 1 {
+            let Bounds { low, high } = &problem.input_bounds;
+            check_numbers("input_bounds.low", low, "finite with several starts", f64::is_finite)?;
+            check_numbers("input_bounds.high", high, "finite with several starts", f64::is_finite)?;
         }
         let horizon = Horizon::new(models, problem.horizon, problem.tree())?;
         if !horizon.is_uniform() && !problem.tree().is_chain() {
@@ -127,6 +130,7 @@ impl NmpcBuilder {
                 ("a delay", problem.delay > 0),
                 ("a substitute controller", substituted),
                 ("whole inputs", search.is_some()),
+                ("several starts", config.starts > 1),
             ] {
                 if is_there {
                     return Err(MpcError::WithTube(what));

@@ -81,6 +81,10 @@ pub struct SqpConfig {
     pub qp: QpMethod,
     /// The Hessian of the QPs.
     pub hessian: SqpHessian,
+    /// From how many first plans a step that has no plan to start from is solved, within its budget:
+    /// the plan given or the last input held, and constant inputs spread over their bounds. The
+    /// cheapest plan that converges is kept. Each start may take `max_iterations` QPs.
+    pub starts: usize,
 }
 
 impl Default for SqpConfig {
@@ -91,6 +95,7 @@ impl Default for SqpConfig {
             real_time: false,
             qp: QpMethod::Auto,
             hessian: SqpHessian::Auto,
+            starts: 1,
         }
     }
 }
@@ -100,10 +105,13 @@ impl SqpConfig {
     ///
     /// # Errors
     ///
-    /// [`MpcError`] if the tolerance is not positive and finite, or no iteration is allowed.
+    /// [`MpcError`] if the tolerance is not positive and finite, no iteration is allowed, or real-time
+    /// iterations have several starts.
     pub fn validate(&self) -> Result<(), MpcError> {
         let good = self.tolerance > 0.0 && self.tolerance.is_finite();
         check_setting("tolerance", self.tolerance, "positive and finite", good)?;
-        check_range("max_iterations", self.max_iterations, 1, usize::MAX)
+        check_range("max_iterations", self.max_iterations, 1, usize::MAX)?;
+        let most = if self.real_time { 1 } else { 10_000 };
+        check_range("starts", self.starts, 1, most)
     }
 }

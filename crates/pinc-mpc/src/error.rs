@@ -84,9 +84,6 @@ pub enum MpcError {
     /// A real-time iteration with a stage cost that leaves its Hessian to the optimization.
     #[error("a real-time iteration cannot have a stage cost without a Hessian of its own")]
     CurvedInRealTime,
-    /// Scenarios with a stage cost that leaves its Hessian to the optimization.
-    #[error("scenarios need a stage cost with a Hessian of its own")]
-    CurvedScenarios,
     /// A tube where none can be.
     #[error("a tube does not go with {0}")]
     WithTube(&'static str),

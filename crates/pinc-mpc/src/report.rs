@@ -32,6 +32,9 @@ pub struct StepReport<'a> {
     pub curvature_dropped: bool,
     /// The cost J of the plan that `kkt` is of; NaN if there is none.
     pub cost: f64,
+    /// From which of [`SqpConfig::starts`](crate::SqpConfig) the plan was found, 0 being the start
+    /// without others, in a step that tried several.
+    pub start: Option<usize>,
     /// Whether the model was trusted in the plan's first step. Of a step that was made over by a
     /// substitute all else is the substitute's.
     pub trust: Trust,
@@ -47,6 +50,7 @@ pub(crate) struct Planned {
     pub(crate) followed: bool,
     pub(crate) curvature_dropped: bool,
     pub(crate) cost: f64,
+    pub(crate) start: Option<usize>,
     pub(crate) trust: Trust,
 }
 
@@ -63,6 +67,7 @@ impl Planned {
             followed,
             curvature_dropped,
             cost,
+            start: None,
             trust: Trust::NotJudged,
         }
     }
@@ -78,13 +83,14 @@ impl Planned {
             followed: false,
             curvature_dropped: false,
             cost: f64::NAN,
+            start: None,
             trust: Trust::NotJudged,
         }
     }
 
     pub(crate) fn report(self, u: &[f64]) -> StepReport<'_> {
         let Self { status, sqp_iterations, work, kkt, violated, followed, .. } = self;
-        let Self { curvature_dropped, cost, trust, .. } = self;
+        let Self { curvature_dropped, cost, start, trust, .. } = self;
         StepReport {
             u,
             status,
@@ -95,6 +101,7 @@ impl Planned {
             followed,
             curvature_dropped,
             cost,
+            start,
             trust,
         }
     }

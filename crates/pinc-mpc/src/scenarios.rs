@@ -142,7 +142,7 @@ impl AtNodes {
     /// The reference of each node from `x_1` on, by its stage in `reference`.
     pub(crate) fn spread(&mut self, reference: &[f64]) -> &[f64] {
         let Self { nodes, width, values } = self;
-        for (to, &depth) in values.chunks_exact_mut(*width).zip(&nodes.depths[1..]) {
+        for (to, &depth) in values.chunks_exact_mut((*width).max(1)).zip(&nodes.depths[1..]) {
             to.copy_from_slice(&reference[(depth - 1) * *width..depth * *width]);
         }
         values

@@ -205,6 +205,11 @@ impl Transcription {
         self.tightening = Some(Tightening::new(tube, sizes, given));
     }
 
+    /// Whether a tube tightens the bounds.
+    pub(crate) fn is_tightened(&self) -> bool {
+        self.tightening.is_some()
+    }
+
     /// The tube, if there is one.
     pub(crate) fn tube(&mut self) -> Option<&mut dyn Tube> {
         self.tightening.as_mut().map(Tightening::tube)

@@ -102,6 +102,8 @@ pub(crate) struct ControlStep {
     cost: Option<f64>,
     /// Whether negative curvature was dropped.
     curvature_dropped: bool,
+    /// From which of `sqp.starts` the plan was found, or None in a step that did not try several.
+    start: Option<usize>,
     /// How long the step took, in us.
     step_us: f64,
     /// Whether the net was trusted in the plan's first step, or None without a tolerance.
@@ -127,6 +129,7 @@ struct Taken {
     kkt: f64,
     cost: Option<f64>,
     curvature_dropped: bool,
+    start: Option<usize>,
     step_us: f64,
     trust: Trust,
 }
@@ -151,6 +154,7 @@ impl Taken {
             kkt: step.kkt,
             cost: step.cost,
             curvature_dropped: step.curvature_dropped,
+            start: step.start,
             step_us: step.step_us,
             trust: step.trust,
         });
@@ -177,6 +181,7 @@ impl Taken {
             kkt: self.kkt,
             cost: self.cost,
             curvature_dropped: self.curvature_dropped,
+            start: self.start,
             step_us: self.step_us,
             model_error: vector(model_error)?,
         })

@@ -50,9 +50,9 @@ pub use identification::{
     ResidualMetrics, StartMetrics, WorkMetrics,
 };
 pub use metrics::{
-    ControlMetrics, CostMetrics, EstimatorMetrics, Excess, FileNote, Metrics, ModelErrorMetrics,
-    OneStepMetrics, OutsideDomain, PredictionMetrics, ReferenceMetrics, StepErrors, SweepMetrics,
-    TrainingMetrics, TubeMetrics, ValidationMetrics, is_failure,
+    ControlMetrics, CostMetrics, EstimatorMetrics, Excess, FileNote, FirstPlanMetrics, Metrics,
+    ModelErrorMetrics, OneStepMetrics, OutsideDomain, PredictionMetrics, ReferenceMetrics,
+    StepErrors, SweepMetrics, TrainingMetrics, TubeMetrics, ValidationMetrics, is_failure,
 };
 pub use provenance::{Invocation, Provenance};
 pub use run_dir::RunDir;

@@ -17,8 +17,8 @@ use pinc_ode::{
     Dims, DynPlant, DynRhs, Integrator, PiecewiseConstant, Scheme, Simulator, Trajectory,
 };
 use pinc_record::{
-    ControlColumns, ControlMetrics, CostMetrics, EstimatorMetrics, Metrics, ReferenceMetrics,
-    RunDir, StepTimes, ViolationMetrics, WallTimes, file,
+    ControlColumns, ControlMetrics, CostMetrics, EstimatorMetrics, FirstPlanMetrics, Metrics,
+    ReferenceMetrics, RunDir, StepTimes, ViolationMetrics, WallTimes, file,
 };
 use std::cell::Cell;
 use std::collections::BTreeMap;
@@ -556,6 +556,7 @@ fn measured(
             curvature_dropped: totals.curvature_dropped,
         }),
         status: totals.status,
+        start: totals.start.map(|best| FirstPlanMetrics { starts: setup.spec.sqp.starts, best }),
         tube: totals.tube,
         references: setup.reached(run),
         outside_domain: None,

@@ -102,6 +102,9 @@ pub struct LiveStep<'a> {
     pub cost: Option<f64>,
     /// Whether negative curvature was dropped, so that the plan is not proven to be a minimum.
     pub curvature_dropped: bool,
+    /// From which of `sqp.starts` the plan was found, in a step that tried several; 0 is the start
+    /// without others.
+    pub start: Option<usize>,
     /// How long the step took, in us.
     pub step_us: f64,
     /// Whether the net was trusted in the plan's first step.
@@ -350,7 +353,7 @@ impl LiveController {
         let mut expired = || deadline.is_some_and(Deadline::is_over);
         let step = self.nmpc.step_within(&self.x, &self.window, &mut expired)?;
         let (status, sqp_iterations, kkt) = (step.status, step.sqp_iterations, step.kkt.max());
-        let (trust, curvature_dropped) = (step.trust, step.curvature_dropped);
+        let (trust, curvature_dropped, start) = (step.trust, step.curvature_dropped, step.start);
         let cost = self.spec.cost.as_ref().map(|_| step.cost);
         self.u.copy_from_slice(step.u);
         let step_us = 1e6 * clock.elapsed().as_secs_f64();
@@ -376,6 +379,7 @@ impl LiveController {
             kkt,
             cost,
             curvature_dropped,
+            start,
             step_us,
             trust,
             model_error: &self.error,

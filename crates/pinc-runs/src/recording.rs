@@ -34,6 +34,8 @@ pub(super) struct Totals {
     pub(super) curvature_dropped: usize,
     /// The cost of the first plan.
     pub(super) first_cost: Option<f64>,
+    /// From which start the plan of the first step was found that tried several.
+    pub(super) start: Option<usize>,
     /// What became of a tube.
     pub(super) tube: Option<TubeMetrics>,
 }
@@ -45,6 +47,7 @@ impl Totals {
         self.sqp_iterations += step.sqp_iterations;
         self.curvature_dropped += usize::from(step.curvature_dropped);
         self.first_cost.get_or_insert(step.cost);
+        self.start = self.start.or(step.start);
         if let Some(fits) = step.in_tube {
             self.tube.get_or_insert_default().add(fits);
         }

@@ -113,6 +113,9 @@ struct Answer<'a> {
     cost: Option<f64>,
     #[serde(skip_serializing_if = "Option::is_none")]
     curvature_dropped: Option<bool>,
+    /// In a step that tried several starts: from which the plan was found.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    start: Option<usize>,
     step_us: f64,
     /// With `control.error_tolerance`: whether the net was trusted in the plan's first step, and its
     /// estimated error there.
@@ -248,6 +251,7 @@ fn step(controller: &mut LiveController, request: &Request) -> Result<String, St
         estimator: step.estimator.map(|status| status.to_string()),
         cost: step.cost,
         curvature_dropped: step.cost.map(|_| step.curvature_dropped),
+        start: step.start,
         step_us: step.step_us,
         trust: (step.trust != Trust::NotJudged).then(|| step.trust.to_string()),
         model_error: step.model_error,

@@ -115,6 +115,9 @@ fn metrics(text: &mut String, metrics: &Metrics) -> std::fmt::Result {
         if let Some(found) = &run.cost {
             writeln!(text, "             {found}")?;
         }
+        if let Some(found) = &run.start {
+            writeln!(text, "             {found}")?;
+        }
     }
     for note in metrics.loop_notes() {
         writeln!(text, "note: {note}")?;

@@ -55,6 +55,7 @@ pub(super) fn closed_loop(spec: &ControlSpec, variables: &Variables, plants: &Pl
     tolerance("control.plant_tolerance", spec.plant_tolerance)?;
     positive("control.sqp.tolerance", spec.sqp.tolerance)?;
     at_least_one("control.sqp.max_iterations", spec.sqp.max_iterations)?;
+    starts(spec)?;
     if let Some(budget_us) = spec.budget_us {
         positive("control.budget_us", budget_us)?;
     }
@@ -89,6 +90,21 @@ fn error_tolerance(spec: &ControlSpec, variables: &Variables) -> Checked {
     if spec.error_tolerance.is_empty() && spec.on_error != OnError::Count {
         let expected = "a table `control.error_tolerance` beside it";
         return value("control.on_error", format!("{:?}", spec.on_error).to_lowercase(), expected);
+    }
+    Ok(())
+}
+
+fn starts(spec: &ControlSpec) -> Checked {
+    at_least_one("control.sqp.starts", spec.sqp.starts)?;
+    let mut bounds = spec.input_low.iter().chain(&spec.input_high);
+    for (other, is_there) in [
+        ("sqp.real_time", spec.sqp.real_time),
+        ("[control.uncertainty]", spec.uncertainty.is_some()),
+        ("infinite bounds of inputs", bounds.any(|bound| bound.is_infinite())),
+    ] {
+        if is_there && spec.sqp.starts > 1 {
+            return value("control.sqp.starts", spec.sqp.starts, &format!("1 with {other}"));
+        }
     }
     Ok(())
 }

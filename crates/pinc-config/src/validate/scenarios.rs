@@ -20,7 +20,6 @@ pub(super) fn scenarios(experiment: &Experiment, control: &ControlSpec) -> Check
     for (other, is_there) in [
         ("control.stages_s", control.stages_s.is_some()),
         ("control.input_differences", !control.input_differences.is_empty()),
-        ("[control.cost]", control.cost.is_some()),
         ("control.first_plan", control.first_plan.is_some()),
         ("control.bound_schedule", !control.bound_schedule.is_empty()),
         ("control.parameter_preview", control.parameter_preview),

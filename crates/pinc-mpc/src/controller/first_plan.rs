@@ -1,9 +1,18 @@
-//! A first guess that the caller gives.
+//! First guesses: the caller's, and several to choose from.
 
 use super::Nmpc;
-use crate::MpcError;
 use crate::error::check_finite;
 use crate::guess::{Guess, Phase};
+use crate::sqp::Outcome;
+use crate::{Bounds, MpcError, SqpStatus};
+
+/// A plan replaces another one if it is cheaper by this part of the cost: the same minimum, found
+/// from two starts, differs by rounding.
+const CHEAPER: f64 = 1e-7;
+
+/// How far inputs move to leave a saddle, in parts of their ranges, and how many saddles are left.
+const ASIDE: f64 = 1e-3;
+const SADDLES: usize = 4;
 
 impl Nmpc {
     /// Gives the inputs of the next step's first guess, in place of ones that stay as they are: its
@@ -24,9 +33,17 @@ impl Nmpc {
         Ok(())
     }
 
-    /// Rolls the inputs of the plan out from where it starts.
+    /// Makes the caller's plan the first guess.
     #[inline(never)]
-    pub(super) fn roll_out(&mut self) {
+    pub(super) fn roll_out_given(&mut self) {
+        self.roll_out();
+        self.fallback.copy_from(&self.plan);
+        (self.guess, self.phase) = (Guess::Warm { fallback: false }, Phase::Shifted);
+    }
+
+    /// Rolls the inputs of the plan out from where it starts. Where the model has no value along
+    /// them, the states stay as they are.
+    fn roll_out(&mut self) {
         let dims = self.dims;
         self.sqp.project(&mut self.plan, &self.previous);
         for j in 0..dims.horizon {
@@ -39,7 +56,96 @@ impl Nmpc {
         if !self.plan.is_finite() {
             self.plan.stay_at(&self.start);
         }
-        self.fallback.copy_from(&self.plan);
-        (self.guess, self.phase) = (Guess::Warm { fallback: false }, Phase::Shifted);
+    }
+
+    /// Looks for cheaper plans than the one `found`, as long as there is time: a step without a plan
+    /// to start from is solved from other first guesses, each of which holds one of the inputs that
+    /// [`Nmpc::spread`] spreads over their box; and a plan that met its conditions but is no minimum
+    /// is solved again from beside it. Returns the outcome of the cheapest plan that converged, or
+    /// else the one found, with the QPs of all, and from which start it is, if there were several.
+    #[inline(never)]
+    pub(super) fn improve(
+        &mut self,
+        reference: &[f64],
+        (found, is_cold): (Outcome, bool),
+        expired: &mut dyn FnMut() -> bool,
+    ) -> (Outcome, Option<usize>) {
+        let Some(mut best) = self.best.take() else { return (found, None) };
+        best.copy_from(&self.plan);
+        let (mut outcome, mut iterations) = (found, found.iterations);
+        let mut least = self.whole_cost(&found);
+        let starts = if is_cold { self.config.starts } else { 1 };
+        let mut winner = (starts > 1).then_some(0);
+        for attempt in 1..starts + SADDLES {
+            let start = (attempt < starts).then_some(attempt);
+            let is_saddle = outcome.curvature_dropped && outcome.status == SqpStatus::Converged;
+            if start.is_none() && !is_saddle || expired() {
+                break;
+            }
+            match start {
+                Some(start) => self.spread(start),
+                None => {
+                    self.plan.copy_from(&best);
+                    self.move_aside();
+                }
+            }
+            let other = self.optimize(reference, expired);
+            iterations += other.iterations;
+            let cost = self.whole_cost(&other);
+            if cost + CHEAPER * cost.abs() < least {
+                (outcome, least) = (other, cost);
+                best.copy_from(&self.plan);
+                winner = start.or(winner);
+            } else if start.is_none() {
+                break;
+            }
+        }
+        self.plan.copy_from(&best);
+        self.best = Some(best);
+        (Outcome { iterations, ..outcome }, winner)
+    }
+
+    /// The cost of a plan with its violations of soft bounds; infinite if it did not converge.
+    fn whole_cost(&self, of: &Outcome) -> f64 {
+        match of.status {
+            SqpStatus::Converged => of.cost + self.sqp.price_of_violations(),
+            _ => f64::INFINITY,
+        }
+    }
+
+    /// Moves each input of the plan by a small part of its range, one way or the other.
+    fn move_aside(&mut self) {
+        let Bounds { low, high } = &self.problem.input_bounds;
+        let golden = 0.5 * (5.0_f64.sqrt() - 1.0);
+        let mut turn = 0.0_f64;
+        let inputs = self.plan.z[self.dims.all_states()..].iter_mut();
+        for (i, u) in inputs.enumerate() {
+            let i = i % self.dims.nu;
+            let range = high[i] - low[i];
+            let size = if range.is_finite() { range } else { u.abs().max(1.0) };
+            turn = (turn + golden).fract();
+            *u += ASIDE * size * (2.0 * turn - 1.0);
+        }
+        self.sqp.project(&mut self.plan, &self.previous);
+    }
+
+    /// Writes the first guess of a start, with constant inputs: point `start` of a sequence of low
+    /// discrepancy, the multiples of the powers of 1/g with g^(m+1) = g + 1, the golden ratio for one
+    /// input (M. Roberts, "The unreasonable effectiveness of quasirandom sequences", 2018).
+    fn spread(&mut self, start: usize) {
+        let Bounds { low, high } = &self.problem.input_bounds;
+        let m = self.dims.nu;
+        #[expect(clippy::cast_precision_loss, reason = "inputs and starts are few")]
+        let (count, multiple) = (m as f64, start as f64);
+        let g = (0..64).fold(2.0_f64, |g, _| (1.0 + g).powf(1.0 / (count + 1.0)));
+        self.plan.multipliers.clear();
+        let inputs = &mut self.plan.z[self.dims.all_states()..];
+        let (mut power, ends) = (1.0, low.iter().zip(high).take(m));
+        for (i, (low, high)) in ends.enumerate() {
+            power /= g;
+            let u = low + (high - low) * (0.5 + multiple * power).fract();
+            inputs.iter_mut().skip(i).step_by(m).for_each(|input| *input = u);
+        }
+        self.roll_out();
     }
 }

@@ -1,5 +1,6 @@
 //! The controller.
 
+mod delay;
 mod first_plan;
 mod handover;
 mod searched;
@@ -95,6 +96,8 @@ pub struct Nmpc {
     /// The reference at the nodes of a tree.
     at_nodes: Option<AtNodes>,
     pub(crate) search: Option<Box<dyn PlanSearch>>,
+    /// The best plan so far, where several may be found.
+    best: Option<Solution>,
 }
 
 impl Nmpc {
@@ -123,6 +126,7 @@ impl Nmpc {
         let plan = Solution::new(dims);
         Self {
             at_nodes: AtNodes::new(&problem, dims),
+            best: sqp.may_improve().then(|| plan.clone()),
             parameters: problem.parameters.clone(),
             pending: vec![0.0; problem.delay * dims.nu],
             problem,
@@ -394,12 +398,13 @@ impl Nmpc {
         reference: &[f64],
         expired: &mut dyn FnMut() -> bool,
     ) -> Planned {
+        let is_cold = self.steps == 0 || !self.is_warm();
         if self.guess == Guess::Held {
             self.place(x);
         }
         self.predict_delay(x);
         if self.guess == Guess::Given {
-            self.roll_out();
+            self.roll_out_given();
         }
         self.shift_warm_start();
         self.set_time();
@@ -418,6 +423,10 @@ impl Nmpc {
             self.sqp.project(&mut self.plan, &self.previous);
             outcome = self.optimize(reference, expired);
         }
+        let mut start = None;
+        if self.best.is_some() {
+            (outcome, start) = self.improve(reference, (outcome, is_cold), expired);
+        }
         if self.search.is_some() {
             outcome = self.look_further(reference, outcome, expired);
         }
@@ -425,7 +434,8 @@ impl Nmpc {
         self.admit();
         self.previous.copy_from_slice(self.plan.first_input());
         self.push_delay_line();
-        Planned::of(&outcome, status, followed, self.sqp.take_work())
+        let planned = Planned::of(&outcome, status, followed, self.sqp.take_work());
+        Planned { start, ..planned }
     }
 
     /// Says the time at which the plan begins, and counts the step.
@@ -473,15 +483,6 @@ impl Nmpc {
         if self.phase != Phase::Linearized {
             self.sqp.prepare(&mut self.horizon, &self.start, &self.plan);
             self.phase = Phase::Linearized;
-        }
-    }
-
-    /// Predicts the state in which the input that is chosen now will act.
-    fn predict_delay(&mut self, x: &[f64]) {
-        self.start.copy_from_slice(x);
-        for u in self.pending.chunks_exact(self.dims.nu) {
-            self.horizon.first_mut().step(&self.start, u, &self.parameters, &mut self.next);
-            self.start.copy_from_slice(&self.next);
         }
     }
 
@@ -586,15 +587,5 @@ impl Nmpc {
     /// there is no memory to keep two plans.
     fn has_guess(&self) -> bool {
         self.horizon.is_uniform() && (self.is_warm() || self.plan != self.fallback)
-    }
-
-    /// Puts the input handed out, u[k-1] of the next step, under way.
-    fn push_delay_line(&mut self) {
-        let m = self.previous.len();
-        if !self.pending.is_empty() {
-            self.pending.copy_within(m.., 0);
-            let last = self.pending.len() - m;
-            self.pending[last..].copy_from_slice(&self.previous);
-        }
     }
 }

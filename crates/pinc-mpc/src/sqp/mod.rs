@@ -12,7 +12,7 @@ use crate::cost::Targets;
 use crate::curvature::{At, Purpose};
 use crate::horizon::Horizon;
 use crate::kkt::KktResidual;
-use crate::merit::Merit;
+use crate::merit::{Merit, price_of_violations};
 use crate::solution::Solution;
 use crate::stage_cost::StageCost;
 use crate::transcription::Transcription;
@@ -479,6 +479,18 @@ impl Sqp {
         if self.step.is_finite() {
             self.set_trial(plan, 1.0, previous);
         }
+    }
+
+    /// Whether a plan may be a saddle, or one of several. A tube follows the only solution of a step.
+    pub(crate) fn may_improve(&self) -> bool {
+        let transcription = &self.transcription;
+        let several = self.config.starts > 1 || transcription.leaves_out_hessian();
+        several && !transcription.is_tightened()
+    }
+
+    /// What the violations of soft constraints cost in the plan that was solved last.
+    pub(crate) fn price_of_violations(&self) -> f64 {
+        self.transcription.units.plain_cost(price_of_violations(&self.qp))
     }
 
     /// Writes the plan that the last step started from.

@@ -615,6 +615,10 @@ class ControlStep:
         """Whether negative curvature of the cost was dropped, so that the plan is not proven to be a
         minimum; only with ``control.cost``."""
     @property
+    def start(self) -> Optional[int]:
+        """From which of ``control.sqp.starts`` the plan was found, in a step that tried several; 0 is
+        the start without others."""
+    @property
     def step_us(self) -> float:
         """How long the step took, in us."""
     @property

@@ -52,6 +52,9 @@ pub struct ControlMetrics {
     /// What the plans of a `[control.cost]` cost; not there without one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub cost: Option<CostMetrics>,
+    /// From which of several starts the first plan was found; not there with one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub start: Option<FirstPlanMetrics>,
     /// What the tube of `[control.uncertainty]` left of the bounds; not there without one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub tube: Option<TubeMetrics>,
@@ -83,6 +86,24 @@ pub struct CostMetrics {
 impl std::fmt::Display for CostMetrics {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         write!(f, "the first plan costs {:.7}", self.first_plan)
+    }
+}
+
+/// The start of the cheapest plan, where `control.sqp.starts` asked for several.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct FirstPlanMetrics {
+    /// How many starts were asked for; the budget may have ended the step before the last.
+    pub starts: usize,
+    /// The start of the plan, counted from 0: the start without others.
+    pub best: usize,
+}
+
+impl std::fmt::Display for FirstPlanMetrics {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self.best {
+            0 => write!(f, "no other of {} starts gives a cheaper first plan", self.starts),
+            best => write!(f, "start {} of {} gives the first plan", best + 1, self.starts),
+        }
     }
 }
 

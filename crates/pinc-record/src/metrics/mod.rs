@@ -14,8 +14,8 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 pub use control::{
-    ControlMetrics, CostMetrics, EstimatorMetrics, ModelErrorMetrics, ReferenceMetrics,
-    TubeMetrics, is_failure,
+    ControlMetrics, CostMetrics, EstimatorMetrics, FirstPlanMetrics, ModelErrorMetrics,
+    ReferenceMetrics, TubeMetrics, is_failure,
 };
 pub use net::{PredictionMetrics, TrainingMetrics, ValidationMetrics};
 pub use one_step::{OneStepMetrics, StepErrors};

@@ -459,6 +459,7 @@ fn keys() -> Vec<(&'static str, Vec<&'static str>, About)> {
         ("sqp.max_iterations", vec!["control.sqp.max_iterations=1"], Controller),
         ("sqp.real_time", vec!["control.sqp.real_time=true"], Controller),
         ("sqp.hessian", vec!["control.sqp.hessian=\"adaptive\""], Unseen),
+        ("sqp.starts", vec!["control.sqp.starts=4"], Unseen),
         ("sqp.qp", vec!["control.sqp.qp=\"clarabel\""], Unseen),
     ]
 }
