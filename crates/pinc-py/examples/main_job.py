@@ -17,7 +17,7 @@ matplotlib.use("Agg")  # to a file; leave this out in a notebook
 import matplotlib.pyplot as plt
 import numpy as np
 
-import pinc
+import pinc_nmpc as pinc
 
 CONFIG = Path(__file__).resolve().parents[3] / "configs" / "van-der-pol" / "main.toml"
 
