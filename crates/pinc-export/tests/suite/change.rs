@@ -2,8 +2,10 @@
 //! the start.
 
 use super::controller::{Case, DRIVER, compare_with, oscillator_case, tanks_case};
+use super::fmu::driven;
+use super::start::number;
 use super::variants::tracking;
-use pinc_mpc::{Bounds, NmpcProblem, Weights};
+use pinc_mpc::{Bounds, Nmpc, NmpcProblem, SqpStatus, Weights};
 
 /// A list of numbers in C.
 fn numbers(values: &[f64]) -> String {
@@ -118,4 +120,59 @@ fn what_cannot_be_changed_is_refused_and_missed_steps_are_counted() {
     };
     assert!(header(&case).contains("no rows: x1"));
     assert!(!header(&oscillator_case()).contains("no rows"));
+}
+
+/// An FMU at one state, with another weight and another bound from the first sample on, and at the
+/// sixth with a bound that is refused.
+const TUNED: &str = r#"
+#include "ctl_fmu.c"
+#include <stdio.h>
+#include <stdlib.h>
+int main(void)
+{
+    fmi2CallbackFunctions callbacks = {0, calloc, free, 0, 0};
+    const fmi2ValueReference set[6] = {1, 2, 3, 4, 6, 14}, u[1] = {0}, status[1] = {0};
+    fmi2Real values[6] = {0.6, -0.2, 0.9, 0.0, 3.0, 0.3};
+    fmi2Real input;
+    fmi2Integer ended;
+    int k;
+    fmi2Component c = fmi2Instantiate("a", fmi2CoSimulation, CTL_GUID, "", &callbacks, 0, 0);
+    fmi2SetupExperiment(c, 0, 0.0, 0.0, 0, 0.0);
+    fmi2EnterInitializationMode(c);
+    fmi2ExitInitializationMode(c);
+    for (k = 0; k < 6; k++) {
+        values[5] = (k < 5) ? 0.3 : -2.0;
+        fmi2SetReal(c, set, 6, values);
+        if (fmi2GetReal(c, u, 1, &input) != fmi2OK || fmi2GetInteger(c, status, 1, &ended) != fmi2OK ||
+            fmi2DoStep(c, CTL_SAMPLE_TIME_S * (double)k, CTL_SAMPLE_TIME_S, 1) != fmi2OK) {
+            return 1;
+        }
+        printf("%.17g\n%d\n", input, ended);
+    }
+    fmi2FreeInstance(c);
+    return 0;
+}
+"#;
+
+#[test]
+fn parameters_of_an_fmu_act_at_the_next_sample() {
+    let base = oscillator_case();
+    let problem = NmpcProblem {
+        input_bounds: Bounds::new(vec![-1.0], vec![0.3]),
+        weights: Weights::uniform(vec![3.0, 10.0], vec![1.0]),
+        ..base.problem.clone()
+    };
+    let mut nmpc = Nmpc::new(problem, base.model(), base.config).unwrap();
+    let reference = [0.9, 0.0].repeat(base.problem.horizon);
+    let found = driven(&base, TUNED);
+    assert_eq!(found.len(), 12);
+    let mut limited = 0;
+    for (k, found) in found.chunks(2).enumerate() {
+        let step = nmpc.step(&[0.6, -0.2], &reference).unwrap();
+        limited += u32::from(step.u[0] > 0.3 - 1e-9);
+        assert!((found[0] - step.u[0]).abs() < 1e-8, "sample {k}: {found:?} {:?}", step.u);
+        let status = if k < 5 { step.status } else { SqpStatus::BadArgument };
+        assert!(found[1].total_cmp(&number(status)).is_eq(), "sample {k}: {found:?}");
+    }
+    assert!(limited > 0);
 }
