@@ -35,7 +35,8 @@ fn compare_changed(given: &Case, wanted: &Case, [q, r]: [&[f64]; 2], seed: u64) 
     let driver = driver.replace("#include <stdio.h>", "#include <math.h>\n#include <stdio.h>");
     assert!(driver.contains("x_low["));
     let seen = compare_with((&given.sources(), &driver), wanted, 250, seed, |_, _| [0.0; 2]);
-    assert!(seen[0] > 50, "{seen:?}");
+    // Where bounds are met, most references of some cases are beyond them.
+    assert!(seen[0] > 10, "{seen:?}");
 }
 
 #[test]
