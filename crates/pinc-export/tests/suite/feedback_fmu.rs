@@ -193,8 +193,8 @@ fn an_fmu_has_the_status_of_its_estimator() {
         let mut plain = tanks_case().export_by(None, in_volts).unwrap();
         let xml = String::from_utf8(plain.swap_remove(0).bytes).unwrap();
         assert!(xml.contains("\"status\"") && !xml.contains("estimator_status"), "{xml}");
-        // The pumps have unit, bounds and size.
-        let attributes = "unit=\"V\" min=\"0.0\" max=\"5.0\" nominal=\"5.0\"";
+        // The pumps have unit, bounds and size; so have their tunable bounds, which also have a start.
+        let attributes = "unit=\"V\" min=\"0.0\" max=\"5.0\" nominal=\"5.0\"/>";
         assert_eq!(xml.matches(attributes).count(), 2, "{xml}");
         for name in ["\"u0\"", "\"x3\"", "\"x1_ref\"", "\"u1_start\""] {
             assert!(xml.contains(&format!("name={name} valueReference")), "{name}: {xml}");
