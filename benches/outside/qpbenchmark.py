@@ -19,7 +19,7 @@ from pathlib import Path
 import numpy as np
 import qpsolvers
 
-import pinc.qp
+import pinc_nmpc.qp
 
 ACCURACIES = (1e-3, 1e-6, 1e-9)
 REPETITIONS = 5
@@ -64,7 +64,7 @@ def solve(problem, solver, accuracy):
 
 
 def main():
-    pinc.qp.register()
+    pinc_nmpc.qp.register()
     warnings.simplefilter("ignore")
     data, out = Path(sys.argv[1]), Path(sys.argv[2])
     problems = {path.stem: load(path) for path in sorted(data.glob("*.npz"))}

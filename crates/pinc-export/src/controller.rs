@@ -7,7 +7,8 @@ use crate::open::Open;
 use crate::runge_kutta_c::RungeKuttaModel;
 use pinc_expr::PlantEquations;
 use pinc_mpc::{
-    Nmpc, NmpcProblem, ProblemUnits, QpMethod, Reference, Softness, SqpConfig, SqpHessian, Tracked,
+    Bounds, Nmpc, NmpcProblem, PerStage, ProblemUnits, QpMethod, Reference, Softness, SqpConfig,
+    SqpHessian, Tracked, Weight,
 };
 use pinc_net::{PincModel, PincNet};
 use pinc_ode::{Dims, Integrator, Model, WithOutputs};
@@ -191,6 +192,23 @@ impl<'a> Controller<'a> {
     /// The units in which the optimization computes.
     pub(crate) fn units(&self, dims: Dims) -> ProblemUnits {
         self.problem.units(dims)
+    }
+
+    /// Whether the bounds of states and inputs are the same along the horizon, so that a running
+    /// controller can be given others.
+    pub(crate) fn has_steady_bounds(&self, dims: Dims) -> bool {
+        let Bounds { low, .. } = &self.problem.state_bounds;
+        low.len() <= dims.nx && self.problem.input_bounds.low.len() <= dims.nu
+    }
+
+    /// The diagonals q and r, if the config's weights are such and the same in all stages.
+    pub(crate) fn steady_weights(&self) -> Option<[&[f64]; 2]> {
+        let diagonal = |of: &'a PerStage<Weight>| match of {
+            PerStage::Same(Weight::Diagonal(diagonal)) => Some(&diagonal[..]),
+            _ => None,
+        };
+        let weights = &self.problem.weights;
+        Some([diagonal(&weights.q)?, diagonal(&weights.r)?])
     }
 
     /// Refuses what the generated controller does not have.

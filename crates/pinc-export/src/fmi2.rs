@@ -65,18 +65,7 @@ impl Description<'_> {
     fn model_variables(&self) -> String {
         let mut text = String::new();
         for (i, variable) in self.variables.iter().enumerate() {
-            let discrete = if self.feed_through { "discrete" } else { "continuous" };
-            let kind = match variable.role {
-                Role::Output => {
-                    format!(
-                        "causality=\"output\" variability=\"{discrete}\" initial=\"calculated\""
-                    )
-                }
-                Role::Input => "causality=\"input\" variability=\"continuous\"".to_owned(),
-                Role::Start => {
-                    "causality=\"parameter\" variability=\"fixed\" initial=\"exact\"".to_owned()
-                }
-            };
+            let kind = variable.role.attributes(self.feed_through);
             let _ = writeln!(
                 text,
                 "    <ScalarVariable name=\"{}\" valueReference=\"{i}\"{} {kind}>\n      \
@@ -110,7 +99,7 @@ impl Description<'_> {
         let join =
             |list: Vec<usize>| list.iter().map(usize::to_string).collect::<Vec<_>>().join(" ");
         let inputs = join(places(Role::Input).collect());
-        let starts: Vec<usize> = places(Role::Start).collect();
+        let starts: Vec<usize> = places(Role::Start).chain(places(Role::Tunable)).collect();
         let unknowns = |of: &dyn Fn(usize) -> String| -> String {
             let row = |(at, index): (usize, &usize)| {
                 format!("      <Unknown index=\"{index}\" dependencies=\"{}\"/>\n", of(at))

@@ -58,19 +58,8 @@ impl Description<'_> {
     }
 
     fn variables3(&self) -> String {
-        let discrete = if self.feed_through { "discrete" } else { "continuous" };
         let variable = |(i, of): (usize, &Real)| {
-            let kind = match of.role {
-                Role::Output => {
-                    format!(
-                        "causality=\"output\" variability=\"{discrete}\" initial=\"calculated\""
-                    )
-                }
-                Role::Input => "causality=\"input\" variability=\"continuous\"".to_owned(),
-                Role::Start => {
-                    "causality=\"parameter\" variability=\"fixed\" initial=\"exact\"".to_owned()
-                }
-            };
+            let kind = of.role.attributes(self.feed_through);
             format!(
                 "    <Float64 name=\"{}\" valueReference=\"{}\"{} {kind}{}/>\n",
                 attribute(&of.name),
@@ -100,7 +89,7 @@ impl Description<'_> {
         let mut outputs = of(Role::Output);
         let statuses = 0..self.statuses.len();
         outputs.extend(statuses.map(|i| (self.variables.len() + 1 + i).to_string()));
-        let starts = of(Role::Start);
+        let starts = [of(Role::Start), of(Role::Tunable)].concat();
         let always = if self.feed_through { of(Role::Input).join(" ") } else { String::new() };
         let first = |at: usize| match self.feed_through {
             true => format!("{always} {}", starts.join(" ")),

@@ -6,11 +6,11 @@ use crate::net_c::{check_member, has_time, net_core, places};
 use crate::open::Open;
 use crate::origin::{Origin, attribute};
 use crate::runge_kutta_c::{RungeKuttaModel, runge_kutta_core};
-use crate::template::{Template, constant};
+use crate::template::{self, Template, array, constant};
 use crate::{ExportError, GeneratedFile, Name};
 use pinc_mpc::Bounds;
 use pinc_net::PincNet;
-use pinc_ode::Variable;
+use pinc_ode::{Dims, Variable};
 
 /// Substeps per T of a plant that is to be accurate.
 const FINE: f64 = 100.0;
@@ -114,6 +114,9 @@ pub fn controller_to_fmu(
     let first = controller.first_input(dims);
     variables.extend(list(&origin.inputs, "_start", Role::Start, &first));
     t.set("RESET", format!("pinc_{reset}")).set("FIRST_START", variables.len() - nu);
+    variables.extend(tunables(&mut t, controller, origin, (&tracked, variables.len()), dims));
+    let inner = if controller.estimator.is_some() { "s->after.controller" } else { "s->after" };
+    t.set("MPC", inner);
     let sampled = format!(
         "a step must end at the next sample at the latest, and samples are every {} s",
         controller.sample_time_s()
@@ -138,6 +141,45 @@ pub fn controller_to_fmu(
         version,
     };
     description.files(t, sources, name, origin)
+}
+
+/// The weights and bounds that may be changed while the controller runs, the first at a place among
+/// all variables: diagonals that are the same in all stages, and finite bounds of states and inputs
+/// that are the same along the horizon.
+fn tunables(
+    t: &mut Template,
+    controller: &Controller<'_>,
+    origin: &Origin,
+    (tracked, first): (&[Variable], usize),
+    dims: Dims,
+) -> Vec<Real> {
+    let mut variables = Vec::new();
+    if let Some([q, r]) = controller.steady_weights() {
+        variables.extend(list(tracked, "_q", Role::Tunable, q));
+        variables.extend(list(&origin.inputs, "_r", Role::Tunable, r));
+        variables.iter_mut().for_each(|weight| weight.unit = String::new());
+    }
+    t.set("FIRST_WEIGHT", first).set("TUNES_WEIGHTS", u8::from(!variables.is_empty()));
+    t.set("FIRST_BOUND", first + variables.len());
+    let problem = controller.problem;
+    let (of_x, of_u) = (&problem.state_bounds, &problem.input_bounds);
+    let sides = [
+        list(&origin.states, "_low", Role::Tunable, &of_x.low),
+        list(&origin.states, "_high", Role::Tunable, &of_x.high),
+        bounded(list(&origin.inputs, "_low", Role::Tunable, &of_u.low), of_u),
+        bounded(list(&origin.inputs, "_high", Role::Tunable, &of_u.high), of_u),
+    ];
+    let sides: Vec<Real> = sides.into_iter().flatten().collect();
+    let bounds: Vec<f64> = sides.iter().map(|side| side.start).collect();
+    let steady = controller.has_steady_bounds(dims);
+    let finite = |(_, side): &(usize, Real)| steady && side.start.is_finite();
+    let (places, own): (Vec<usize>, Vec<Real>) =
+        sides.into_iter().enumerate().filter(finite).unzip();
+    t.set("BOUNDS", own.len());
+    let tables = array("bound", &bounds) + &template::places("bound_place", &places);
+    t.set("BOUND_TABLES", if own.is_empty() { String::new() } else { tables });
+    variables.extend(own);
+    variables
 }
 
 /// The notes of the controller: how its budget counts, and what is proven of its net.
@@ -246,6 +288,25 @@ pub(crate) enum Role {
     Output,
     Input,
     Start,
+    Tunable,
+}
+
+impl Role {
+    /// Its attributes in both versions; outputs and inputs are `discrete` where they are sampled.
+    pub(crate) fn attributes(self, sampled: bool) -> String {
+        let own = match self {
+            Self::Output => {
+                let kind = if sampled { "discrete" } else { "continuous" };
+                return format!(
+                    "causality=\"output\" variability=\"{kind}\" initial=\"calculated\""
+                );
+            }
+            Self::Input => "causality=\"input\" variability=\"continuous\"",
+            Self::Start => "causality=\"parameter\" variability=\"fixed\" initial=\"exact\"",
+            Self::Tunable => "causality=\"parameter\" variability=\"tunable\" initial=\"exact\"",
+        };
+        own.to_owned()
+    }
 }
 
 /// A real variable.
@@ -290,6 +351,10 @@ fn list(variables: &[Variable], ending: &'static str, role: Role, starts: &[f64]
             "_start" => "value at the start",
             "_ref" => "reference, held over the horizon",
             "_estimate" => "estimate",
+            "_q" => "weight of the distance from the reference",
+            "_r" => "weight of the change in a step",
+            "_low" => "lower bound",
+            "_high" => "upper bound",
             _ => "",
         },
         unit: variable.unit.to_string(),

@@ -116,7 +116,8 @@ pub(crate) fn controller_sources(
         .set("INCLUDE", if looks { INCLUDE_OUTPUTS } else { "" });
     t.set("DENSE", include_str!("../templates/mpc_dense.c"))
         .set("CONDENSE", include_str!("../templates/mpc_condense.c"))
-        .set("SQP", include_str!("../templates/mpc_sqp.c"));
+        .set("SQP", include_str!("../templates/mpc_sqp.c"))
+        .set("CHANGE", include_str!("../templates/mpc_change.c"));
     files.push(t.file("mpc.h", include_str!("../templates/mpc.h")));
     files.push(t.file("mpc.c", include_str!("../templates/mpc.c")));
     if let Some(estimation) = controller.estimator {
@@ -139,6 +140,18 @@ fn set_sizes(t: &mut Template, controller: &Controller<'_>, dims: Dims) {
         .set("STATES_EXACT", u8::from(problem.state_softness == Softness::Exact))
         .set("OUTPUTS_EXACT", u8::from(problem.output_softness == Softness::Exact))
         .set("TRACKS_OUTPUTS", u8::from(controller.tracks_outputs()))
+        .set("N1", problem.n1)
+        .set("Q_WIDTH", if controller.tracks_outputs() { problem.tracked.len() } else { dims.nx })
+        .set("HAS_TERMINAL", u8::from(problem.weights.terminal.is_some()))
+        .set(
+            "TERMINAL_TEXT",
+            match problem.weights.terminal {
+                Some(_) => "; q_terminal stays",
+                None => "",
+            },
+        )
+        .set("BOUNDS_VARY", u8::from(!controller.has_steady_bounds(dims)))
+        .set("COST_UNIT", constant(controller.units(dims).cost))
         .set("HAS_UNITS", u8::from(has_units(&controller.units(dims))))
         .set("NX", dims.nx)
         .set("NU", dims.nu);
@@ -219,8 +232,6 @@ fn set_problem(
     tables += &output_rows(t, controller, &units, dims)?;
     t.set("STATE_ROWS", state_rows.len())
         .set("INCREMENT_ROWS", increment_rows.len())
-        .set("LARGEST_Q", size(&q))
-        .set("LARGEST_R", size(&r))
         .set("LARGEST_W", size(&free.collect::<Vec<_>>()))
         .set("HAS_W", u8::from(!w.is_empty()))
         .set("TABLES", tables);

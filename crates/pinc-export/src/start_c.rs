@@ -4,6 +4,7 @@ use crate::ExportError;
 use crate::controller::Controller;
 use crate::origin::{Origin, comment, list};
 use crate::template::{Template, array, places};
+use pinc_mpc::Bounds;
 use pinc_ode::Dims;
 
 /// Fills what headers and sources say of the beginning, the budget and the references.
@@ -42,9 +43,28 @@ pub(crate) fn set_start(
         .set("SEGMENTS", segments.len())
         .set("PREVIEW", u8::from(controller.preview))
         .set("PREVIEW_TEXT", if controller.preview { PREVIEW } else { NO_PREVIEW })
+        .set("BAKED_TEXT", fixed_bounds(controller, origin, dims))
         .set("TRACKED", comment(&list(origin.quantities(&controller.tracked(dims)?))))
         .set("START", tables.concat());
     Ok(())
+}
+
+/// Which bounds cannot be changed in a running controller.
+fn fixed_bounds(controller: &Controller<'_>, origin: &Origin, dims: Dims) -> String {
+    if !controller.has_steady_bounds(dims) {
+        return ";\n * all others too, since the config's bounds vary along the horizon".to_owned();
+    }
+    let Bounds { low, high } = &controller.problem.state_bounds;
+    let sides = low.iter().zip(high).enumerate();
+    let unbounded = sides.filter(|(_, (low, high))| low.is_infinite() && high.is_infinite());
+    let places: Vec<usize> = unbounded.map(|(i, _)| i).collect();
+    match places.is_empty() {
+        true => String::new(),
+        false => format!(
+            ";\n * a bound of what the config leaves without one, for which the program has no rows: {}",
+            comment(&list(origin.quantities(&places)))
+        ),
+    }
 }
 
 const PREVIEW: &str = "Row j is the value at the\n * beginning of the step that begins j steps later \

@@ -4,6 +4,14 @@
 #define PINC_SEEN @SEEN@
 #define PINC_FIRST_REFERENCE (PINC_FIRST_SET + PINC_SEEN)
 #define PINC_FIRST_START @FIRST_START@
+/* Then weights and bounds, as far as they can be changed. */
+#define PINC_TUNES_WEIGHTS @TUNES_WEIGHTS@
+#define PINC_FIRST_WEIGHT @FIRST_WEIGHT@
+#define PINC_BOUNDS @BOUNDS@
+#define PINC_FIRST_BOUND @FIRST_BOUND@
+#if PINC_BOUNDS > 0
+/* All bounds, low and high ones of states, then of inputs; which can be changed. */
+@BOUND_TABLES@#endif
 
 static void pinc_begin_run(pinc_slave *s)
 {
@@ -25,12 +33,47 @@ static void pinc_begin_run(pinc_slave *s)
     s->steps = 0.0;
 }
 
+/* Gives the controller its weights and bounds; 0 if it refuses them. */
+static int pinc_tune(pinc_slave *s)
+{
+    int good = 1;
+#if PINC_TUNES_WEIGHTS
+    PINC_REAL weights[PINC_NY + PINC_NU];
+#endif
+#if PINC_BOUNDS > 0
+    PINC_REAL bounds[2 * (PINC_NX + PINC_NU)];
+#endif
+#if PINC_TUNES_WEIGHTS || (PINC_BOUNDS > 0)
+    int i;
+#else
+    (void)s;
+#endif
+#if PINC_TUNES_WEIGHTS
+    for (i = 0; i < PINC_NY + PINC_NU; i++) {
+        weights[i] = PINC_N(s->reals[PINC_FIRST_WEIGHT + i]);
+    }
+    good &= (pinc_mpc_set_weights(&@MPC@, weights, weights + PINC_NY) == PINC_CONVERGED) ? 1 : 0;
+#endif
+#if PINC_BOUNDS > 0
+    memcpy(bounds, pinc_bound, sizeof(bounds));
+    for (i = 0; i < PINC_BOUNDS; i++) {
+        bounds[pinc_bound_place[i]] = PINC_N(s->reals[PINC_FIRST_BOUND + i]);
+    }
+    good &= (pinc_mpc_set_bounds(&@MPC@, bounds, bounds + PINC_NX, bounds + (2 * PINC_NX),
+                                 bounds + (2 * PINC_NX) + PINC_NU) == PINC_CONVERGED)
+                ? 1
+                : 0;
+#endif
+    return good;
+}
+
 /* Computes the step at hand, for what is measured and asked now. */
 static void pinc_refresh(pinc_slave *s)
 {
     PINC_REAL seen[PINC_SEEN];
     PINC_REAL reference[PINC_N2 * PINC_NY];
     PINC_REAL u[PINC_NU];
+    int tuned;
     int i;
     if (s->computed != 0) {
         return;
@@ -42,6 +85,7 @@ static void pinc_refresh(pinc_slave *s)
         reference[i] = PINC_N(s->reals[PINC_FIRST_REFERENCE + (i % PINC_NY)]);
     }
     s->after = s->before;
+    tuned = pinc_tune(s);
     s->status[0] = (int)@CONTROLLER@_step(&s->after, seen, reference, u);
     for (i = 0; i < PINC_NU; i++) {
         s->reals[i] = (double)u[i];
@@ -52,6 +96,9 @@ static void pinc_refresh(pinc_slave *s)
         s->reals[PINC_NU + i] = (double)s->after.x[i];
     }
 #endif
+    if (tuned == 0) {
+        s->status[0] = (int)PINC_BAD_ARGUMENT;
+    }
     s->computed = 1;
 }
 

@@ -1,7 +1,9 @@
 @BANNER@
 #include "pinc_mpc.h"
 @INCLUDE@
+#include <limits.h>
 #include <math.h>
+#include <stddef.h>
 #include <string.h>
 
 #ifdef __FAST_MATH__
@@ -41,16 +43,20 @@
 #define PINC_ELASTIC_WEIGHT PINC_PICK(1e3, 10)
 #define PINC_STATES_EXACT @STATES_EXACT@
 #define PINC_OUTPUTS_EXACT @OUTPUTS_EXACT@
-/* The largest entries of the cost's Hessian. */
-#define PINC_LARGEST_Q PINC_N(@LARGEST_Q@)
-#define PINC_LARGEST_R PINC_N(@LARGEST_R@)
+/* The largest entry of W. */
 #define PINC_LARGEST_W PINC_N(@LARGEST_W@)
 /* Rows of bounded outputs, as the mean of all multipliers counts them. */
 #define PINC_ALL_OUTPUT_ROWS @ALL_OUTPUT_ROWS@
 /* How many of them an interval has, and whether some are at its start. */
 #define PINC_OUTPUT_WIDTH @OUTPUT_WIDTH@
 #define PINC_OUTPUT_STARTS @OUTPUT_STARTS@
+/* The first stage that is weighted, and whether the last has a weight of its own. */
+#define PINC_N1 @N1@
+#define PINC_HAS_TERMINAL @HAS_TERMINAL@
+/* Whether bounds vary along the horizon. */
+#define PINC_BOUNDS_VARY @BOUNDS_VARY@
 /* The optimization's units, in the plant's units. */
+#define PINC_COST_UNIT PINC_N(@COST_UNIT@)
 #define PINC_HAS_UNITS @HAS_UNITS@
 #if PINC_HAS_UNITS
 #define PINC_X_UNIT(i) (pinc_x_unit[i])
@@ -126,3 +132,4 @@ static int pinc_expired(pinc_mpc *m)
 @DENSE@
 @CONDENSE@
 @PLANT@@OUTPUTS@@SQP@
+@CHANGE@

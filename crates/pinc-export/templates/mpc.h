@@ -43,6 +43,9 @@ extern "C" {
 #define PINC_MARK 0x50494E43UL
 /* Whether outputs are tracked. */
 #define PINC_TRACKS_OUTPUTS @TRACKS_OUTPUTS@
+/* Numbers of the weights of what is tracked, a block per stage. */
+#define PINC_Q_WIDTH @Q_WIDTH@
+#define PINC_WEIGHTS (PINC_N2 * PINC_Q_WIDTH * PINC_Q_WIDTH)
 /* C has no arrays of length 0. */
 #define PINC_ROOM(count) (((count) > 0) ? (count) : 1)
 
@@ -166,6 +169,12 @@ typedef struct {
     /** How long a step may take by this clock, in us, before it ends with PINC_DEADLINE; 0: no
         limit. At first PINC_BUDGET_US. */
     unsigned long budget_us;
+    /* Private, and kept by a reset: bounds on z and weights, twice, in the units of the optimization. */
+    PINC_REAL low[PINC_UNKNOWNS];
+    PINC_REAL high[PINC_UNKNOWNS];
+    PINC_REAL q[PINC_WEIGHTS];
+    PINC_REAL r[PINC_INPUTS * PINC_NU];
+    /* A reset clears what follows. */
     /** How many quadratic programs the last step solved. */
     int iterations;
     /**
@@ -175,6 +184,8 @@ typedef struct {
     PINC_REAL kkt;
     /** Whether the last input is of the plan that the step ended with. */
     int followed;
+    /** How many steps in a row, up to the last, did not end with PINC_CONVERGED: for a watchdog. */
+    unsigned int missed;
 @UNKNOWN_FIELD@
     /* The rest is private. */
     unsigned long mark;
@@ -221,7 +232,10 @@ typedef struct {
  */
 void pinc_mpc_init(pinc_mpc *m);
 
-/** Begins as after pinc_mpc_init, with the limits and the clock as they are. */
+/**
+ * Begins as after pinc_mpc_init, with the limits, the clock, the weights and the bounds as they
+ * are.
+ */
 void pinc_mpc_reset(pinc_mpc *m);
 
 /** Begins anew at a plant that has been given the input u so far, wherever it is. */
@@ -236,6 +250,25 @@ void pinc_mpc_reset_to(pinc_mpc *m, const PINC_REAL x[PINC_NX], const PINC_REAL 
  * is PINC_CONVERGED otherwise.
  */
 pinc_status pinc_mpc_set_applied(pinc_mpc *m, const PINC_REAL u[PINC_NU]);
+
+/**
+ * Replaces the weights between two steps: q of what is tracked (@TRACKED@),
+ * r of changes of the inputs, both as in the config, diagonal and the same in all stages@TERMINAL_TEXT@.
+ * A number that is negative or not finite is refused with PINC_BAD_ARGUMENT and changes nothing; the
+ * status is PINC_CONVERGED otherwise.
+ */
+pinc_status pinc_mpc_set_weights(pinc_mpc *m, const PINC_REAL q[PINC_NY],
+                                 const PINC_REAL r[PINC_NU]);
+
+/**
+ * Replaces the bounds of states and inputs between two steps, in the plant's units; an infinite one
+ * is none. Refused with PINC_BAD_ARGUMENT, which changes nothing: a low bound that is not <= the high
+ * one@BAKED_TEXT@.
+ * Bounds of outputs and of changes of the inputs are the config's.
+ */
+pinc_status pinc_mpc_set_bounds(pinc_mpc *m, const PINC_REAL x_low[PINC_NX],
+                                const PINC_REAL x_high[PINC_NX], const PINC_REAL u_low[PINC_NU],
+                                const PINC_REAL u_high[PINC_NU]);
 
 /** Reads the clock for the step that follows, where its budget is to include other work. */
 void pinc_mpc_start_clock(pinc_mpc *m);

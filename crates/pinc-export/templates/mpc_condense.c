@@ -4,10 +4,10 @@
 #define PINC_A(qp, j) ((qp)->a + ((j) * PINC_NX * PINC_NX))
 #define PINC_B(qp, j) ((qp)->b + ((j) * PINC_NX * PINC_NU))
 #if PINC_TRACKS_OUTPUTS
-#define PINC_Q(qp, j) ((qp)->q + ((j) * PINC_NX * PINC_NX))
+#define PINC_Q(m, qp, j) ((qp)->q + ((j) * PINC_NX * PINC_NX))
 #define PINC_S(qp, j) ((qp)->s + ((j) * PINC_NU * PINC_NX))
 #else
-#define PINC_Q(qp, j) (pinc_q + ((j) * PINC_NX * PINC_NX))
+#define PINC_Q(m, qp, j) ((m)->q + ((j) * PINC_NX * PINC_NX))
 #endif
 
 /* What the states are where no input changes. */
@@ -22,24 +22,28 @@ static void pinc_condense_offset(pinc_dense *s, const pinc_qp *qp)
 }
 
 /* One step of the products backwards: into = from_now + A' last + Q v. */
-static void pinc_adjoint(const pinc_qp *qp, int j, const PINC_REAL *last, const PINC_REAL *v,
-                         PINC_REAL *into)
+static void pinc_adjoint(const pinc_mpc *m, const pinc_qp *qp, int j, const PINC_REAL *last,
+                         const PINC_REAL *v, PINC_REAL *into)
 {
+#if PINC_TRACKS_OUTPUTS
+    (void)m;
+#endif
     if (j + 1 < PINC_N2) {
         pinc_add_transposed(PINC_A(qp, j + 1), last, into, PINC_NX, PINC_NX);
     }
-    pinc_add_product(PINC_Q(qp, j), v, into, PINC_NX, PINC_NX);
+    pinc_add_product(PINC_Q(m, qp, j), v, into, PINC_NX, PINC_NX);
 }
 
-static void pinc_condense_gradient(pinc_dense *s, const pinc_qp *qp)
+static void pinc_condense_gradient(pinc_mpc *m, const pinc_qp *qp)
 {
+    pinc_dense *s = &m->dense;
     int last = 0;
     int j;
     pinc_copy(s->gradient, qp->gradient + PINC_STATES, PINC_INPUTS);
     for (j = PINC_N2 - 1; j >= 0; j--) {
         PINC_REAL *now = s->adjoint[1 - last];
         pinc_copy(now, qp->gradient + (j * PINC_NX), PINC_NX);
-        pinc_adjoint(qp, j, s->adjoint[last], s->offset + (j * PINC_NX), now);
+        pinc_adjoint(m, qp, j, s->adjoint[last], s->offset + (j * PINC_NX), now);
 #if PINC_TRACKS_OUTPUTS
         pinc_add_product(PINC_S(qp, j), s->offset + (j * PINC_NX),
                          s->gradient + (pinc_acting(j) * PINC_NU), PINC_NU, PINC_NX);
@@ -67,16 +71,17 @@ static void pinc_respond(pinc_dense *s, const pinc_qp *qp, int input, int k)
 }
 
 /* A column of the Hessian, on and below the diagonal, for number k of an input. */
-static void pinc_condense_hessian(pinc_dense *s, const pinc_qp *qp, int input, int k,
+static void pinc_condense_hessian(pinc_mpc *m, const pinc_qp *qp, int input, int k,
                                   PINC_REAL *column)
 {
+    pinc_dense *s = &m->dense;
     int last = 0;
     int j;
     pinc_fill(column, PINC_N(0), PINC_INPUTS);
     for (j = PINC_N2 - 1; j >= input; j--) {
         PINC_REAL *now = s->adjoint[1 - last];
         pinc_fill(now, PINC_N(0), PINC_NX);
-        pinc_adjoint(qp, j, s->adjoint[last], s->response + (j * PINC_NX), now);
+        pinc_adjoint(m, qp, j, s->adjoint[last], s->response + (j * PINC_NX), now);
 #if PINC_TRACKS_OUTPUTS
         if (pinc_acting(j) == input) {
             pinc_add_scaled(now, PINC_N(1), PINC_S(qp, j) + (k * PINC_NX), PINC_NX);
@@ -93,13 +98,14 @@ static void pinc_condense_hessian(pinc_dense *s, const pinc_qp *qp, int input, i
 }
 
 /* The weights of increments and of inputs. */
-static void pinc_add_increments(pinc_dense *s, const pinc_qp *qp)
+static void pinc_add_increments(pinc_mpc *m, const pinc_qp *qp)
 {
+    pinc_dense *s = &m->dense;
     int i;
     int k;
     for (i = 0; i < PINC_NC; i++) {
         for (k = 0; k < PINC_NU; k++) {
-            const PINC_REAL *r = pinc_r + (((i * PINC_NU) + k) * PINC_NU);
+            const PINC_REAL *r = m->r + (((i * PINC_NU) + k) * PINC_NU);
             PINC_REAL *column = s->hessian + (((i * PINC_NU) + k) * PINC_INPUTS);
 #if PINC_TRACKS_OUTPUTS
             pinc_add_scaled(column + (i * PINC_NU), PINC_N(1),
@@ -177,7 +183,7 @@ static int pinc_condense(pinc_mpc *m, const pinc_qp *qp)
     int v;
     int i;
     pinc_condense_offset(s, qp);
-    pinc_condense_gradient(s, qp);
+    pinc_condense_gradient(m, qp);
     for (v = 0; v < PINC_INPUTS; v++) {
         const int input = v / PINC_NU;
         PINC_REAL *column = s->matrix + (v * PINC_ROWS);
@@ -185,7 +191,7 @@ static int pinc_condense(pinc_mpc *m, const pinc_qp *qp)
             return 0;
         }
         pinc_respond(s, qp, input, v % PINC_NU);
-        pinc_condense_hessian(s, qp, input, v % PINC_NU, s->hessian + (v * PINC_INPUTS));
+        pinc_condense_hessian(m, qp, input, v % PINC_NU, s->hessian + (v * PINC_INPUTS));
         /* States before the input acts keep the 0 that they have from the beginning. */
         for (i = 0; i < PINC_STATE_ROWS; i++) {
             if (pinc_state_rows[i] >= input * PINC_NX) {
@@ -194,7 +200,7 @@ static int pinc_condense(pinc_mpc *m, const pinc_qp *qp)
         }
         pinc_condense_outputs(s, qp, v, column + (PINC_STATE_ROWS + PINC_INCREMENT_ROWS));
     }
-    pinc_add_increments(s, qp);
+    pinc_add_increments(m, qp);
     pinc_condense_limits(m, qp);
     return 1;
 }
@@ -266,7 +272,7 @@ static void pinc_expand(pinc_mpc *m, const pinc_qp *qp)
         PINC_REAL *lambda = m->step.dynamics + (j * PINC_NX);
         pinc_copy(lambda, qp->gradient + (j * PINC_NX), PINC_NX);
         pinc_add_scaled(lambda, PINC_N(1), m->step.bounds + (j * PINC_NX), PINC_NX);
-        pinc_add_product(PINC_Q(qp, j), m->d + (j * PINC_NX), lambda, PINC_NX, PINC_NX);
+        pinc_add_product(PINC_Q(m, qp, j), m->d + (j * PINC_NX), lambda, PINC_NX, PINC_NX);
 #if PINC_TRACKS_OUTPUTS
         pinc_add_transposed(PINC_S(qp, j), inputs + (pinc_acting(j) * PINC_NU), lambda, PINC_NU,
                             PINC_NX);

@@ -66,11 +66,11 @@ static void pinc_limit_outputs(pinc_qp *qp, int j, int start, const PINC_REAL *y
 #if PINC_TRACKS_OUTPUTS
 /* Tracking at the end of interval j, after Gauss and Newton: with the Jacobian (C D) of what is tracked, adds
    (C D)'Q(C D) to the Hessian and (C D)'Q e to the gradient. Gives its part of the cost, twice. */
-static PINC_REAL pinc_track_outputs(const PINC_REAL *x, const PINC_REAL *reference, int j,
-                                    const PINC_REAL *y, const PINC_REAL *c, const PINC_REAL *d,
-                                    pinc_qp *qp)
+static PINC_REAL pinc_track_outputs(const pinc_mpc *m, const PINC_REAL *x,
+                                    const PINC_REAL *reference, int j, const PINC_REAL *y,
+                                    const PINC_REAL *c, const PINC_REAL *d, pinc_qp *qp)
 {
-    const PINC_REAL *weight = pinc_q + (j * PINC_NY * PINC_NY);
+    const PINC_REAL *weight = m->q + (j * PINC_NY * PINC_NY);
     const int acting = pinc_acting(j);
     PINC_REAL row[PINC_NY][PINC_NX + PINC_NU];
     PINC_REAL weighted[PINC_NX + PINC_NU];
@@ -140,7 +140,7 @@ static PINC_REAL pinc_follow_outputs(const pinc_mpc *m, const PINC_REAL *z,
         pinc_limit_outputs(qp, j, 0, y, c, d);
 #endif
 #if PINC_TRACKS_OUTPUTS
-        twice += pinc_track_outputs(x, reference + (j * PINC_NY), j, y, c, d, qp);
+        twice += pinc_track_outputs(m, x, reference + (j * PINC_NY), j, y, c, d, qp);
 #endif
 #if PINC_OUTPUT_STARTS
         pinc_seen_outputs(m, (j == 0) ? m->start : (x - PINC_NX), u, y, c, d);

@@ -12,8 +12,8 @@ static void pinc_project(const pinc_mpc *m, PINC_REAL *z)
     int v;
     for (v = 0; v < PINC_INPUTS; v++) {
         const PINC_REAL before = pinc_before(m, z, v);
-        const PINC_REAL least = pinc_low[PINC_STATES + v];
-        const PINC_REAL most = pinc_high[PINC_STATES + v];
+        const PINC_REAL least = m->low[PINC_STATES + v];
+        const PINC_REAL most = m->high[PINC_STATES + v];
         const PINC_REAL low = pinc_min(before + pinc_increment_low[v], most);
         const PINC_REAL high = pinc_max(before + pinc_increment_high[v], least);
         PINC_REAL *input = z + (PINC_STATES + v);
@@ -54,8 +54,8 @@ static void pinc_limit(const pinc_mpc *m, const PINC_REAL *z, pinc_qp *qp)
 {
     int v;
     for (v = 0; v < PINC_UNKNOWNS; v++) {
-        qp->low[v] = pinc_low[v] - z[v];
-        qp->high[v] = pinc_high[v] - z[v];
+        qp->low[v] = m->low[v] - z[v];
+        qp->high[v] = m->high[v] - z[v];
     }
     for (v = 0; v < PINC_INPUTS; v++) {
         const PINC_REAL before = pinc_before(m, z, v);
@@ -64,8 +64,8 @@ static void pinc_limit(const pinc_mpc *m, const PINC_REAL *z, pinc_qp *qp)
         PINC_REAL down = PINC_N(0);
         if (v < PINC_NU) {
             /* The first input may always go as far as to its nearest bound. */
-            up = pinc_high[PINC_STATES + v] - before;
-            down = pinc_low[PINC_STATES + v] - before;
+            up = m->high[PINC_STATES + v] - before;
+            down = m->low[PINC_STATES + v] - before;
         }
         qp->increment_low[v] = pinc_min(pinc_increment_low[v], up) - increment;
         qp->increment_high[v] = pinc_max(pinc_increment_high[v], down) - increment;
@@ -83,7 +83,7 @@ static PINC_REAL pinc_move_inputs(const pinc_mpc *m, const PINC_REAL *z, PINC_RE
         PINC_REAL force = PINC_N(0);
         for (k = 0; k < PINC_NU; k++) {
             const PINC_REAL change = z[PINC_STATES + first + k] - pinc_before(m, z, first + k);
-            force += pinc_r[(v * PINC_NU) + k] * change;
+            force += m->r[(v * PINC_NU) + k] * change;
         }
         gradient[PINC_STATES + v] += force;
         if (v >= PINC_NU) {
@@ -96,7 +96,8 @@ static PINC_REAL pinc_move_inputs(const pinc_mpc *m, const PINC_REAL *z, PINC_RE
 
 #if !PINC_TRACKS_OUTPUTS
 /* The same of tracking. */
-static PINC_REAL pinc_track(const PINC_REAL *z, const PINC_REAL *reference, PINC_REAL *gradient)
+static PINC_REAL pinc_track(const pinc_mpc *m, const PINC_REAL *z, const PINC_REAL *reference,
+                            PINC_REAL *gradient)
 {
     PINC_REAL twice = PINC_N(0);
     int j;
@@ -111,7 +112,7 @@ static PINC_REAL pinc_track(const PINC_REAL *z, const PINC_REAL *reference, PINC
             for (k = 0; k < PINC_NY; k++) {
                 const int column = pinc_tracked[k];
                 const PINC_REAL error = x[column] - (y[k] / PINC_X_UNIT(column));
-                force += PINC_Q(0, j)[(row * PINC_NX) + column] * error;
+                force += PINC_Q(m, 0, j)[(row * PINC_NX) + column] * error;
             }
             gradient[(j * PINC_NX) + row] = force;
             twice += force * (x[row] - (y[i] / PINC_X_UNIT(row)));
@@ -158,7 +159,7 @@ static int pinc_evaluate(pinc_mpc *m, const PINC_REAL *z, const PINC_REAL *refer
     twice += pinc_follow_outputs(m, z, reference, qp);
 #endif
 #if !PINC_TRACKS_OUTPUTS
-    twice += pinc_track(z, reference, qp->gradient);
+    twice += pinc_track(m, z, reference, qp->gradient);
 #endif
 #if PINC_HAS_W
     twice += pinc_weigh_inputs(m, z, qp->gradient);
@@ -381,10 +382,10 @@ static void pinc_enter_elastic(pinc_mpc *m)
     const PINC_REAL changing = pinc_largest(qp->q, PINC_STATES * PINC_NX) +
                                pinc_largest(qp->t, PINC_INPUTS * PINC_NU);
 #else
-    const PINC_REAL changing = PINC_LARGEST_Q;
+    const PINC_REAL changing = pinc_largest(m->q, PINC_WEIGHTS);
 #endif
-    const PINC_REAL sizes = pinc_largest(qp->gradient, PINC_UNKNOWNS) + changing + PINC_LARGEST_R +
-                            PINC_LARGEST_W;
+    const PINC_REAL sizes = pinc_largest(qp->gradient, PINC_UNKNOWNS) + changing +
+                            pinc_largest(m->r, PINC_INPUTS * PINC_NU) + PINC_LARGEST_W;
     const PINC_REAL weight = PINC_ELASTIC_WEIGHT * pinc_max(sizes, PINC_N(1));
     int v;
     m->elastic = 1;
@@ -828,11 +829,11 @@ static void pinc_push(pinc_mpc *m, PINC_REAL *u)
 }
 
 /* Moves an input into its bounds. */
-static void pinc_clamp_input(PINC_REAL *input)
+static void pinc_clamp_input(PINC_REAL *input, const PINC_REAL *low, const PINC_REAL *high)
 {
     int v;
     for (v = 0; v < PINC_NU; v++) {
-        input[v] = pinc_clamp(input[v], pinc_low[PINC_STATES + v], pinc_high[PINC_STATES + v]);
+        input[v] = pinc_clamp(input[v], low[PINC_STATES + v], high[PINC_STATES + v]);
     }
 }
 
@@ -859,18 +860,30 @@ static void pinc_place_plan(pinc_mpc *m, const PINC_REAL *x)
     m->warm = 1;
 }
 
-void pinc_mpc_init(pinc_mpc *m)
+/* Begins anew, with the limits, the clock, weights and bounds as they are. */
+static void pinc_begin(pinc_mpc *m)
 {
-    memset(m, 0, sizeof(*m));
+    const size_t kept = offsetof(pinc_mpc, iterations);
+    memset((unsigned char *)m + kept, 0, sizeof(*m) - kept);
     pinc_init_rows(&m->dense);
     pinc_restore_penalties(m);
-@INIT_UNKNOWN@    m->max_iterations = PINC_MAX_ITERATIONS;
-    m->clock_us = NULL;
-    m->budget_us = PINC_BUDGET_US;
-    m->mark = PINC_MARK;
+@INIT_UNKNOWN@    m->mark = PINC_MARK;
 #if PINC_HAS_INITIAL_INPUT
     pinc_hold_input(m, pinc_initial_input);
 #endif
+}
+
+void pinc_mpc_init(pinc_mpc *m)
+{
+    m->budget = 0;
+    m->max_iterations = PINC_MAX_ITERATIONS;
+    m->clock_us = NULL;
+    m->budget_us = PINC_BUDGET_US;
+    pinc_copy(m->low, pinc_low, PINC_UNKNOWNS);
+    pinc_copy(m->high, pinc_high, PINC_UNKNOWNS);
+    pinc_copy(m->q, pinc_q, PINC_WEIGHTS);
+    pinc_copy(m->r, pinc_r, PINC_INPUTS * PINC_NU);
+    pinc_begin(m);
 }
 
 void pinc_mpc_reset(pinc_mpc *m)
@@ -878,15 +891,7 @@ void pinc_mpc_reset(pinc_mpc *m)
     if (m->mark != PINC_MARK) {
         pinc_mpc_init(m);
     } else {
-        const long budget = m->budget;
-        const int max_iterations = m->max_iterations;
-        unsigned long (*const clock_us)(void) = m->clock_us;
-        const unsigned long budget_us = m->budget_us;
-        pinc_mpc_init(m);
-        m->budget = budget;
-        m->max_iterations = max_iterations;
-        m->clock_us = clock_us;
-        m->budget_us = budget_us;
+        pinc_begin(m);
     }
 }
 
@@ -932,12 +937,12 @@ void pinc_reference(double t_s, PINC_REAL rows[PINC_N2 * PINC_NY])
 #define PINC_ROUNDED_INPUT PINC_N(1e-6)
 
 /* Whether an input can have been applied: finite, and within its bounds but for rounding. */
-static int pinc_is_input(const PINC_REAL u[PINC_NU])
+static int pinc_is_input(const pinc_mpc *m, const PINC_REAL u[PINC_NU])
 {
     int v;
     for (v = 0; v < PINC_NU; v++) {
-        const PINC_REAL low = PINC_U_UNIT(v) * pinc_low[PINC_STATES + v];
-        const PINC_REAL high = PINC_U_UNIT(v) * pinc_high[PINC_STATES + v];
+        const PINC_REAL low = PINC_U_UNIT(v) * m->low[PINC_STATES + v];
+        const PINC_REAL high = PINC_U_UNIT(v) * m->high[PINC_STATES + v];
         if ((pinc_finite(u[v]) == 0) ||
             (u[v] < (low - (PINC_ROUNDED_INPUT * (PINC_N(1) + pinc_abs(low))))) ||
             (u[v] > (high + (PINC_ROUNDED_INPUT * (PINC_N(1) + pinc_abs(high)))))) {
@@ -949,7 +954,7 @@ static int pinc_is_input(const PINC_REAL u[PINC_NU])
 
 pinc_status pinc_mpc_set_applied(pinc_mpc *m, const PINC_REAL u[PINC_NU])
 {
-    if (pinc_is_input(u) == 0) {
+    if (pinc_is_input(m, u) == 0) {
         return PINC_BAD_ARGUMENT;
     }
     pinc_take_input(m->previous, u);
@@ -959,6 +964,18 @@ pinc_status pinc_mpc_set_applied(pinc_mpc *m, const PINC_REAL u[PINC_NU])
     return PINC_CONVERGED;
 }
 
+/* Counts steps in a row that did not converge. */
+static void pinc_count(pinc_mpc *m, pinc_status status)
+{
+    if (status == PINC_CONVERGED) {
+        m->missed = 0U;
+    } else if (m->missed < UINT_MAX) {
+        m->missed++;
+    } else {
+        /* There are too many to count. */
+    }
+}
+
 pinc_status pinc_mpc_step(pinc_mpc *m, const PINC_REAL x[PINC_NX],
                           const PINC_REAL reference[PINC_N2 * PINC_NY], PINC_REAL u[PINC_NU])
 {
@@ -966,7 +983,7 @@ pinc_status pinc_mpc_step(pinc_mpc *m, const PINC_REAL x[PINC_NX],
     int finite;
     if (m->mark != PINC_MARK) {
         pinc_copy(u, pinc_initial_input, PINC_NU);
-        pinc_clamp_input(u);
+        pinc_clamp_input(u, pinc_low, pinc_high);
         pinc_give_input(u);
         return PINC_NOT_INITIALIZED;
     }
@@ -978,8 +995,9 @@ pinc_status pinc_mpc_step(pinc_mpc *m, const PINC_REAL x[PINC_NX],
         m->iterations = 0;
         m->kkt = PINC_INFINITY;
         m->followed = 0;
-        pinc_clamp_input(m->previous);
+        pinc_clamp_input(m->previous, m->low, m->high);
         pinc_push(m, u);
+        pinc_count(m, PINC_BAD_ARGUMENT);
         return PINC_BAD_ARGUMENT;
     }
     m->spent = 0;
@@ -1003,6 +1021,7 @@ pinc_status pinc_mpc_step(pinc_mpc *m, const PINC_REAL x[PINC_NX],
     pinc_project(m, m->plan.z);
     pinc_copy(m->previous, m->plan.z + PINC_STATES, PINC_NU);
     pinc_push(m, u);
+    pinc_count(m, status);
     return status;
 }
 

@@ -13,7 +13,7 @@ use pyo3::types::{PyDict, PyTuple};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
 /// The controller of a config for many states at once, on all cores.
-#[pyclass(module = "pinc", frozen)]
+#[pyclass(module = "pinc_nmpc", frozen)]
 #[derive(Debug)]
 pub(crate) struct NmpcBatch {
     controller: Mutex<BatchController>,
@@ -22,7 +22,7 @@ pub(crate) struct NmpcBatch {
 }
 
 /// What came of many control steps.
-#[pyclass(module = "pinc", frozen, get_all)]
+#[pyclass(module = "pinc_nmpc", frozen, get_all)]
 #[derive(Debug)]
 pub(crate) struct StepBatch {
     /// The inputs to apply.
@@ -38,7 +38,7 @@ pub(crate) struct StepBatch {
 }
 
 /// What came of many control steps, with gradients.
-#[pyclass(module = "pinc", frozen, get_all)]
+#[pyclass(module = "pinc_nmpc", frozen, get_all)]
 #[derive(Debug)]
 pub(crate) struct GradientBatch {
     /// The steps.
@@ -50,7 +50,7 @@ pub(crate) struct GradientBatch {
 }
 
 /// What came of many closed loops.
-#[pyclass(module = "pinc", frozen, get_all)]
+#[pyclass(module = "pinc_nmpc", frozen, get_all)]
 #[derive(Debug)]
 pub(crate) struct LoopBatch {
     /// The states at the control steps.
@@ -154,7 +154,7 @@ impl NmpcBatch {
         slf: &Bound<'py, Self>,
     ) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
         let (of, py) = (slf.get(), slf.py());
-        let make = py.import("pinc._native")?.getattr("restore_batch")?;
+        let make = py.import("pinc_nmpc._native")?.getattr("restore_batch")?;
         Ok((make, (of.origin.parts(), of.threads).into_pyobject(py)?))
     }
 

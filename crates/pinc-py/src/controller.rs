@@ -16,7 +16,7 @@ use std::path::PathBuf;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
 /// The controller of a config, with its estimator if the config has one.
-#[pyclass(module = "pinc", frozen)]
+#[pyclass(module = "pinc_nmpc", frozen)]
 #[derive(Debug)]
 pub(crate) struct Nmpc {
     controller: Mutex<LiveController>,
@@ -81,7 +81,7 @@ impl Nmpc {
 }
 
 /// What came of a control step.
-#[pyclass(module = "pinc", frozen, get_all)]
+#[pyclass(module = "pinc_nmpc", frozen, get_all)]
 #[derive(Debug)]
 pub(crate) struct ControlStep {
     /// The input to apply.
@@ -222,7 +222,7 @@ impl Nmpc {
         slf: &Bound<'py, Self>,
     ) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
         let (of, py) = (slf.get(), slf.py());
-        let make = py.import("pinc._native")?.getattr("restore_nmpc")?;
+        let make = py.import("pinc_nmpc._native")?.getattr("restore_nmpc")?;
         Ok((make, (of.origin.parts(), of.state()).into_pyobject(py)?))
     }
 

@@ -10,7 +10,7 @@ use pyo3::types::PyTuple;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
 /// The estimator of a config, with a memory of its own.
-#[pyclass(module = "pinc", frozen)]
+#[pyclass(module = "pinc_nmpc", frozen)]
 #[derive(Debug)]
 pub(crate) struct Estimator {
     estimator: Mutex<ConfigEstimator>,
@@ -18,7 +18,7 @@ pub(crate) struct Estimator {
 }
 
 /// What came of a correction.
-#[pyclass(module = "pinc", frozen, get_all)]
+#[pyclass(module = "pinc_nmpc", frozen, get_all)]
 #[derive(Debug)]
 pub(crate) struct Correction {
     /// How it ended.
@@ -89,7 +89,7 @@ impl Estimator {
         slf: &Bound<'py, Self>,
     ) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
         let (of, py) = (slf.get(), slf.py());
-        let make = py.import("pinc._native")?.getattr("restore_estimator")?;
+        let make = py.import("pinc_nmpc._native")?.getattr("restore_estimator")?;
         Ok((make, (of.origin.parts(), of.state(py)?).into_pyobject(py)?))
     }
 

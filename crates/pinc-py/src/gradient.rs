@@ -8,7 +8,7 @@ use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
 /// The gradient of a function of a plan in all that its problem is given.
-#[pyclass(module = "pinc", frozen, get_all)]
+#[pyclass(module = "pinc_nmpc", frozen, get_all)]
 #[derive(Debug)]
 pub(crate) struct PlanGradient {
     /// Whether the plan is differentiable.
@@ -18,7 +18,7 @@ pub(crate) struct PlanGradient {
 }
 
 /// By how much a plan changes.
-#[pyclass(module = "pinc", frozen, get_all)]
+#[pyclass(module = "pinc_nmpc", frozen, get_all)]
 #[derive(Debug)]
 pub(crate) struct PlanChange {
     /// Whether the plan is differentiable.

@@ -1,5 +1,5 @@
 //! The Python package `pinc`, its part in Rust: models, trainings, controllers and runs as classes
-//! and functions of the module `pinc._native`.
+//! and functions of the module `pinc_nmpc._native`.
 //!
 //! What a user sees of it is said in `python/pinc/_native.pyi`. Arguments are checked here, before
 //! the libraries see them: what is wrong with one is an exception, and nothing panics. The global

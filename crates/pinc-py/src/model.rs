@@ -14,7 +14,7 @@ use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
 
 /// A trained net as a model in discrete time, x[k+1] = F(x[k], u[k]), with its Jacobians.
-#[pyclass(module = "pinc", frozen)]
+#[pyclass(module = "pinc_nmpc", frozen)]
 #[derive(Debug)]
 pub(crate) struct Model {
     net: PincNet,

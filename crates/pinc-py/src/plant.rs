@@ -16,7 +16,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 const TOLERANCE: f64 = 1e-10;
 
 /// The plant of a config, with its simulator.
-#[pyclass(module = "pinc", frozen)]
+#[pyclass(module = "pinc_nmpc", frozen)]
 #[derive(Debug)]
 pub(crate) struct Plant {
     source: Source,
@@ -29,7 +29,7 @@ pub(crate) struct Plant {
 }
 
 /// An integrator of a plant as a model in discrete time.
-#[pyclass(module = "pinc", frozen)]
+#[pyclass(module = "pinc_nmpc", frozen)]
 #[derive(Debug)]
 pub(crate) struct IntegratorModel {
     discrete: Discrete,
@@ -142,7 +142,7 @@ impl Plant {
         slf: &Bound<'py, Self>,
     ) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
         let (of, py) = (slf.get(), slf.py());
-        let make = py.import("pinc._native")?.getattr("restore_plant")?;
+        let make = py.import("pinc_nmpc._native")?.getattr("restore_plant")?;
         Ok((make, (of.source.parts(), of.in_loop).into_pyobject(py)?))
     }
 
@@ -314,7 +314,7 @@ impl IntegratorModel {
     ) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
         let (Made { source, in_loop, integrator, step_s, substeps }, py) =
             (slf.get().made.clone(), slf.py());
-        let make = py.import("pinc._native")?.getattr("restore_integrator")?;
+        let make = py.import("pinc_nmpc._native")?.getattr("restore_integrator")?;
         let parts = (source.parts(), in_loop, integrator.name(), step_s, substeps);
         Ok((make, parts.into_pyobject(py)?))
     }

@@ -8,7 +8,7 @@ use pyo3::types::PyDict;
 use std::ops::ControlFlow;
 
 /// How far a training is.
-#[pyclass(module = "pinc", frozen, get_all)]
+#[pyclass(module = "pinc_nmpc", frozen, get_all)]
 #[derive(Debug)]
 pub(crate) struct TrainingProgress {
     /// Iterations done.
@@ -33,7 +33,7 @@ impl TrainingProgress {
 }
 
 /// A trained net, with what came of its training.
-#[pyclass(module = "pinc", frozen, get_all)]
+#[pyclass(module = "pinc_nmpc", frozen, get_all)]
 #[derive(Debug)]
 pub(crate) struct Trained {
     /// The net.

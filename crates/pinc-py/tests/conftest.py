@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-import pinc
+import pinc_nmpc as pinc
 
 CONFIGS = Path(__file__).resolve().parents[3] / "configs"
 SMOKE = CONFIGS / "smoke" / "van-der-pol.toml"

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-import pinc
+import pinc_nmpc as pinc
 
 # The smoke test's plant, with a cost that tells q1 and q2 apart.
 WEIGHTS = {"control.q": [8.0, 3.0], "control.sqp.tolerance": 1e-10}

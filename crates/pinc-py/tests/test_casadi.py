@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-import pinc
+import pinc_nmpc as pinc
 
 casadi = pytest.importorskip("casadi")
 

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-import pinc
+import pinc_nmpc as pinc
 
 CONFIGS = Path(__file__).resolve().parents[3] / "configs"
 RECORDED = CONFIGS / "estimation" / "recorded-batch.toml"

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-import pinc
+import pinc_nmpc as pinc
 
 POINTS = 9  # of a dense trace per step
 CONFIGS = Path(__file__).resolve().parents[3] / "configs"

@@ -7,12 +7,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-import pinc
+import pinc_nmpc as pinc
 
 pytest.importorskip("gymnasium")
 if sys.version_info < (3, 11):
     pytest.skip("tomllib is part of Python 3.11", allow_module_level=True)
-from pinc.environment import LoopEnv  # noqa: E402
+from pinc_nmpc.environment import LoopEnv  # noqa: E402
 
 
 def test_the_controller_in_the_environment_is_the_closed_loop(

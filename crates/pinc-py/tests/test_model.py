@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-import pinc
+import pinc_nmpc as pinc
 
 POINTS = np.random.default_rng(3).uniform([-2, -3, -1], [2, 3, 1], (20, 3))
 X, U = POINTS[:, :2], POINTS[:, 2:]

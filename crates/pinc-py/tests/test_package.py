@@ -3,7 +3,7 @@
 import inspect
 from pathlib import Path
 
-import pinc
+import pinc_nmpc as pinc
 
 
 def test_everything_has_a_docstring() -> None:

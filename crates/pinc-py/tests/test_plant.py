@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-import pinc
+import pinc_nmpc as pinc
 
 # x' = -a x + b u, of which all is known.
 LAG = {

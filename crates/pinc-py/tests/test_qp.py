@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-import pinc
-from pinc.qp import register, solve_qp
+import pinc_nmpc as pinc
+from pinc_nmpc.qp import register, solve_qp
 
 
 def test_solutions_meet_the_conditions_of_optimality() -> None:

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-import pinc
+import pinc_nmpc as pinc
 
 
 def test_what_is_in_a_run(done: pinc.Run) -> None:

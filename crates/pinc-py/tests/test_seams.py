@@ -8,7 +8,7 @@ from typing import Any, Optional
 import numpy as np
 import pytest
 
-import pinc
+import pinc_nmpc as pinc
 
 if sys.version_info < (3, 11):
     pytest.skip("tomllib is part of Python 3.11", allow_module_level=True)

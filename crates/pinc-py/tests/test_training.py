@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-import pinc
+import pinc_nmpc as pinc
 
 
 def test_the_net_is_that_of_a_run(smoke: Path, done: pinc.Run) -> None:

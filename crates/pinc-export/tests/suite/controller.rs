@@ -17,7 +17,7 @@ use pinc_plants::{FourTanks, VanDerPol};
 /// Reads per step: 1 for a reset before it, 1 and an input for one that was applied, the budget,
 /// state and reference. Writes status, iterations, whether the plan is followed, the
 /// KKT residual, and the input.
-const DRIVER: &str = r#"
+pub(crate) const DRIVER: &str = r#"
 #include "ctl_mpc.h"
 #include <stdio.h>
 static ctl_mpc m;
@@ -343,8 +343,20 @@ pub(crate) fn compare(case: &Case, steps: usize, seed: u64) -> [usize; 6] {
 /// Compares the C controller with the library within budgets.
 #[track_caller]
 pub(crate) fn compare_within(case: &Case, steps: usize, seed: u64, budget: Budget) -> [usize; 6] {
+    compare_with((&case.sources(), DRIVER), case, steps, seed, budget)
+}
+
+/// Compares C sources and their driver with the library.
+#[track_caller]
+pub(crate) fn compare_with(
+    (sources, driver): (&Sources, &str),
+    case: &Case,
+    steps: usize,
+    seed: u64,
+    budget: Budget,
+) -> [usize; 6] {
     let (lines, expected) = case.run(steps, &mut Draws(seed), budget);
-    let found = case.sources().drive(&DRIVER.replace("@READ@", READ), &[], &lines);
+    let found = sources.drive(&driver.replace("@READ@", READ), &[], &lines);
     let width = 4 + case.problem.input_bounds.low.len();
     assert_eq!(found.len(), steps * width);
     let (mut seen, mut others, mut apart) = ([0; 6], 0, false);

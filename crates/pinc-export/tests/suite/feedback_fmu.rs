@@ -76,7 +76,7 @@ static int set(const double *values)
 }
 static int get(int *ended)
 {
-    const fmi3ValueReference vr[4] = {13, 14, 12, 15};
+    const fmi3ValueReference vr[4] = {29, 30, 28, 31};
     int64_t words[2];
     int64_t other;
     if (fmi3GetInt64(c, vr, 2, words, 2) != fmi3OK) {
@@ -135,24 +135,25 @@ fn an_fmu_has_the_status_of_its_estimator() {
         let estimation = Estimation { filter: Filter::Extended, augmentation, tuning };
         let files = case.export_by(Some(estimation), export).unwrap();
         let xml = String::from_utf8(files[0].bytes.clone()).unwrap();
-        // Both are outputs that depend on what is measured and on the references, at the start on the
-        // inputs before it too.
+        // Both are outputs that depend on what is measured and on the references, at the start on all
+        // parameters too: the inputs before it, weights and bounds.
+        let at_start = (7..=28).map(|v| v.to_string()).collect::<Vec<_>>().join(" ");
         match version {
             FmiVersion::Two => {
-                for index in [13, 14] {
+                for index in [29, 30] {
                     let unknown =
                         |on: &str| format!("<Unknown index=\"{index}\" dependencies=\"{on}\"/>");
                     assert!(xml.contains(&unknown("7 8 9 10")), "{xml}");
-                    assert!(xml.contains(&unknown("7 8 9 10 11 12")), "{xml}");
+                    assert!(xml.contains(&unknown(&at_start)), "{xml}");
                 }
             }
             FmiVersion::Three => {
-                for reference in [13, 14] {
+                for reference in [29, 30] {
                     let output = |on: &str| {
                         format!("valueReference=\"{reference}\" dependencies=\"{on}\"/>")
                     };
                     assert!(xml.contains(&output("7 8 9 10")), "{xml}");
-                    assert!(xml.contains(&output("7 8 9 10 11 12")), "{xml}");
+                    assert!(xml.contains(&output(&at_start)), "{xml}");
                 }
             }
         }
@@ -192,8 +193,8 @@ fn an_fmu_has_the_status_of_its_estimator() {
         let mut plain = tanks_case().export_by(None, in_volts).unwrap();
         let xml = String::from_utf8(plain.swap_remove(0).bytes).unwrap();
         assert!(xml.contains("\"status\"") && !xml.contains("estimator_status"), "{xml}");
-        // The pumps have unit, bounds and size.
-        let attributes = "unit=\"V\" min=\"0.0\" max=\"5.0\" nominal=\"5.0\"";
+        // The pumps have unit, bounds and size; so have their tunable bounds, which also have a start.
+        let attributes = "unit=\"V\" min=\"0.0\" max=\"5.0\" nominal=\"5.0\"/>";
         assert_eq!(xml.matches(attributes).count(), 2, "{xml}");
         for name in ["\"u0\"", "\"x3\"", "\"x1_ref\"", "\"u1_start\""] {
             assert!(xml.contains(&format!("name={name} valueReference")), "{name}: {xml}");

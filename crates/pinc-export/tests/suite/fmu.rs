@@ -83,7 +83,7 @@ fn a_time_budget_is_replaced_by_a_count_and_that_is_said() {
 }
 
 /// What `driver` prints about the sources of the controller's FMU.
-fn driven(case: &Case, driver: &str) -> Vec<f64> {
+pub(crate) fn driven(case: &Case, driver: &str) -> Vec<f64> {
     let export = |controller: &Controller<'_>, name: &Name, origin: &Origin| {
         controller_to_fmu(controller, name, origin, FmiVersion::Two)
     };

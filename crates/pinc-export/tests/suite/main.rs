@@ -1,6 +1,7 @@
 //! What is generated, compiled and run.
 
 mod budgets;
+mod change;
 mod compile;
 mod controller;
 mod feedback;

@@ -86,11 +86,12 @@ def jax_policy(batch: "NmpcBatch", smoothing: Optional[float] = None) -> Callabl
 
         return jax.pure_callback(on_arrays, shapes, *given)
 
-    @jax.custom_vjp  # type: ignore[untyped-decorator, unused-ignore]
-    def inputs(*given: Any) -> Any:
+    def chosen(*given: Any) -> Any:
         x = given[0]
         shape = jax.ShapeDtypeStruct((x.shape[0], len(batch.inputs)), x.dtype)
         return call(lambda *arrays: _inputs(batch, list(arrays)), shape, *given)
+
+    inputs: Any = jax.custom_vjp(chosen)
 
     def forward(*given: Any) -> Any:
         return inputs(*given), given

@@ -12,13 +12,13 @@ from ._errors import InputError
 from ._native import Plant, resolved
 
 if sys.version_info < (3, 11):
-    raise ImportError("pinc.environment needs Python 3.11 or later")
+    raise ImportError("pinc_nmpc.environment needs Python 3.11 or later")
 import tomllib
 
 try:
     import gymnasium
 except ImportError as error:
-    raise ImportError("pinc.environment needs the package gymnasium: pip install gymnasium") from error
+    raise ImportError("pinc_nmpc.environment needs the package gymnasium: pip install gymnasium") from error
 
 _Array = NDArray[np.float64]
 

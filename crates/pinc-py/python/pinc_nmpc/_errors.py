@@ -15,4 +15,4 @@ class RunError(PincError, RuntimeError):
 
 
 for _error in (PincError, InputError, RunError):
-    _error.__module__ = "pinc"
+    _error.__module__ = "pinc_nmpc"
