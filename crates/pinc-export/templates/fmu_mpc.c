@@ -52,7 +52,7 @@ static void pinc_refresh(pinc_slave *s)
         s->reals[PINC_NU + i] = (double)s->after.x[i];
     }
 #endif
-    s->computed = 1;
+@TRUST@    s->computed = 1;
 }
 
 /* Whether it is time for a sample. */
