@@ -3,7 +3,6 @@
 use super::compile::{READ, Sources};
 use super::guard::Guarded;
 use super::variants::{in_odd_units, tracking, with_rk5};
-use pinc_estimate::Compensated;
 use pinc_export::{
     Controller, Estimation, ExportError, GeneratedFile, ModelSource, Name, Origin, RungeKuttaModel,
     controller_to_c,
@@ -171,23 +170,6 @@ impl Case {
                 plant.model(*method, self.sample_time_s, *substeps).unwrap()
             }
         }
-    }
-
-    /// The controller of the library, before its first step.
-    pub(crate) fn library(&self, estimator: Option<Estimation<'_>>) -> Nmpc {
-        let mut model = self.model();
-        if let Some(estimation) = estimator {
-            model = Box::new(Compensated::new(model, estimation.augmentation.clone()).unwrap());
-        }
-        let mut builder = Nmpc::builder(self.problem.clone()).config(self.config).model(model);
-        if let Some(guard) = &self.guard {
-            builder = guard.watch(builder, self);
-        }
-        let mut nmpc = builder.build().unwrap();
-        if let Some(u) = &self.begin.initial_input {
-            nmpc.reset_input(u).unwrap();
-        }
-        nmpc
     }
 
     pub(crate) fn sources(&self) -> Sources {
