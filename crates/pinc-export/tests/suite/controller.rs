@@ -9,7 +9,7 @@ use pinc_export::{
 };
 use pinc_expr::{Equations, PlantEquations};
 use pinc_mpc::{
-    Bounds, Nmpc, NmpcProblem, QpMethod, Reference, Softness, SqpConfig, Tracked, Trust, Weights,
+    Bounds, NmpcProblem, QpMethod, Reference, Softness, SqpConfig, Tracked, Trust, Weights,
 };
 use pinc_net::{Domain, NetConfig, PincModel, PincNet};
 use pinc_ode::{Dims, Integrator, Model, Variable, WithOutputs};
