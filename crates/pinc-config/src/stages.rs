@@ -38,6 +38,12 @@ impl ControlSpec {
         }
     }
 
+    /// The integrator that makes steps in place of a net: the first of `models`, or RK4.
+    #[must_use]
+    pub fn substitute(&self) -> Integrator {
+        self.models.iter().find_map(|kind| kind.integrator()).unwrap_or(Integrator::Rk4)
+    }
+
     /// The key of these in `[control]`.
     #[must_use]
     pub fn substeps_key(integrator: Integrator) -> String {

@@ -3,6 +3,7 @@
 use crate::ExportError;
 use crate::error_c::NetError;
 use crate::feedback_c::Estimation;
+use crate::guard_c::ErrorGuard;
 use crate::open::Open;
 use crate::runge_kutta_c::RungeKuttaModel;
 use pinc_expr::PlantEquations;
@@ -31,6 +32,8 @@ pub struct Controller<'a> {
     pub equations: Option<&'a PlantEquations>,
     /// Whether there is a function for the estimated error of the net's step; for C only.
     pub estimates_error: bool,
+    /// What watches the estimated error of the net, if anything does.
+    pub guard: Option<ErrorGuard<'a>>,
     /// Where the self-test begins.
     pub initial_state: &'a [f64],
     /// The input before the first step, if it is known.
@@ -109,20 +112,6 @@ impl<'a> Controller<'a> {
         Ok(estimation.measured(dims)?.into_iter().map(|place| all[place]).collect())
     }
 
-    /// The controller before its first step, as the library has it.
-    pub(crate) fn library(&self) -> Result<Nmpc, ExportError> {
-        let model = self.library_model()?;
-        let model = match &self.estimator {
-            None => model,
-            Some(estimation) => estimation.compensated(model)?,
-        };
-        let mut nmpc = Nmpc::new(self.problem.clone(), model, *self.config)?;
-        if let Some(u) = self.initial_input {
-            nmpc.reset_input(u)?;
-        }
-        Ok(nmpc)
-    }
-
     /// What is tracked, by the places of states, and of outputs behind them.
     pub(crate) fn tracked(&self, dims: Dims) -> Result<Vec<usize>, ExportError> {
         let place = |tracked: &Tracked| match *tracked {
@@ -166,11 +155,11 @@ impl<'a> Controller<'a> {
         }
     }
 
-    /// The estimate of the model's error, if it is asked for.
+    /// The estimate of the model's error, if it is asked for or watched.
     pub(crate) fn net_error(&self) -> Result<Option<NetError<'a>>, ExportError> {
         let refuse = |feature, instead| Err(ExportError::Feature { feature, instead });
         match (self.model, self.equations) {
-            _ if !self.estimates_error => Ok(None),
+            _ if !self.estimates_error && self.guard.is_none() => Ok(None),
             (ModelSource::Net(net), Some(equations)) => {
                 Ok(Some(NetError { net, equations, open: self.open() }))
             }

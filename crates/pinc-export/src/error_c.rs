@@ -61,7 +61,7 @@ impl NetError<'_> {
                 substeps: REFERENCE_SUBSTEPS,
             };
             files.push(t.file("error.c", include_str!("../templates/error_reference.c")));
-            files.extend(runge_kutta_core(exact, open, name, origin)?);
+            files.extend(runge_kutta_core(exact, "exact", open, name, origin)?);
         }
         Ok(files)
     }

@@ -6,10 +6,9 @@ use crate::golden;
 use crate::template::{Template, array, constant, places, table};
 use crate::{ExportError, GeneratedFile};
 use pinc_estimate::{
-    Augmentation, Augmented, Compensated, Disturbance, Ekf, Estimator, Gate, Measured, Mhe, Tuning,
-    Ukf,
+    Augmentation, Augmented, Disturbance, Ekf, Estimator, Gate, Measured, Mhe, Tuning, Ukf,
 };
-use pinc_mpc::ProblemUnits;
+use pinc_mpc::{Nmpc, ProblemUnits};
 use pinc_ode::{Dims, Model};
 
 /// The estimator of a controller: which one, of what, and how it is tuned.
@@ -60,11 +59,6 @@ impl Estimation<'_> {
         };
         estimator.reset_input(initial_input);
         Ok(estimator)
-    }
-
-    /// `model`, as the controller that knows the disturbances has it.
-    pub(crate) fn compensated(&self, model: Box<dyn Model>) -> Result<Box<dyn Model>, ExportError> {
-        Ok(Box::new(Compensated::new(model, self.augmentation.clone())?))
     }
 
     /// Whether outputs are measured, not states alone.
@@ -126,7 +120,7 @@ pub(crate) fn set_unknowns(
     );
     let unknowns = entries.len() + open.count();
     let plain = unknowns == 0 && !has_units(&controller.units(dims));
-    let plain = plain && !controller.optimizes_outputs();
+    let plain = plain && !controller.optimizes_outputs() && controller.guard.is_none();
     t.set("UNKNOWNS", if plain && estimation.is_none() { "" } else { &defines });
     t.set("UNKNOWN_FIELD", if unknowns == 0 { "" } else { UNKNOWN_FIELD });
     t.set("INIT_UNKNOWN", if open.count() == 0 { "" } else { INIT_UNKNOWN });
@@ -275,11 +269,12 @@ pub(crate) const INCLUDE_OUTPUTS: &str = "#include \"pinc_outputs.h\"\n";
 /// which is measured with errors up to the noise's standard deviation. Gives the number of steps.
 pub(crate) fn set_selftest(
     t: &mut Template,
-    controller: &Controller<'_>,
+    (controller, library): (&Controller<'_>, Nmpc),
     estimation: Estimation<'_>,
     steps: usize,
 ) -> Result<usize, ExportError> {
-    let Rows { measured, windows, inputs, estimates } = run(controller, estimation, steps)?;
+    let Rows { measured, windows, inputs, estimates } =
+        run((controller, library), estimation, steps)?;
     let all = measured.iter().chain(&inputs).chain(&estimates);
     finite("the loop of the self-test", all.flatten())?;
     let tables = [
@@ -293,11 +288,11 @@ pub(crate) fn set_selftest(
 }
 
 fn run(
-    controller: &Controller<'_>,
+    (controller, mut nmpc): (&Controller<'_>, Nmpc),
     estimation: Estimation<'_>,
     steps: usize,
 ) -> Result<Rows, ExportError> {
-    let (mut nmpc, mut plant) = (controller.library()?, controller.library_model()?);
+    let mut plant = controller.library_model()?;
     let Dims { nx, nu, ny, .. } = plant.dims();
     let measured_at = estimation.measured(plant.dims())?;
     let p = &estimation.augmentation.parameters;

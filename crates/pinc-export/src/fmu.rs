@@ -72,7 +72,7 @@ pub fn net_to_fmu(
 /// references `<controlled>_ref`, held over the horizon; its outputs the inputs of the plant and the
 /// `status`; parameters `<input>_start` are the inputs before the first sample. With an estimator its
 /// inputs are what is measured, in place of the states, and the estimated states are outputs,
-/// `<state>_estimate`, with the `estimator_status`.
+/// `<state>_estimate`, with the `estimator_status`. With a guard the output `trust` says what it found.
 ///
 /// It is sampled every T. At a sample its outputs depend on what is set at that time, so that the
 /// input acts at once; a communication step must not go beyond the next sample.
@@ -109,6 +109,13 @@ pub fn controller_to_fmu(
             ("feedback", nx, measured.len(), "feedback_reset_to")
         }
     };
+    let mut trust = String::new();
+    if controller.guard.is_some() {
+        let of = if controller.estimator.is_some() { "controller." } else { "" };
+        trust = format!("    s->status[{}] = (int)s->after.{of}trust;\n", statuses.len());
+        statuses.push(Status { name: "trust", words: word("trust") });
+    }
+    t.set("TRUST", trust);
     let tracked = named(controller.tracked(dims)?);
     variables.extend(list(&tracked, "_ref", Role::Input, controller.reference.at(0)));
     let first = controller.first_input(dims);
@@ -234,7 +241,12 @@ pub fn plant_to_fmu(
         sources: vec![format!("{}_{method}.c", name.as_str())],
         version,
     };
-    description.files(t, runge_kutta_core(plant, Open::default(), name, origin)?, name, origin)
+    description.files(
+        t,
+        runge_kutta_core(plant, method, Open::default(), name, origin)?,
+        name,
+        origin,
+    )
 }
 
 /// The version of the interface.

@@ -4,6 +4,7 @@ use crate::controller::{Controller, ModelSource, penalty};
 use crate::error::finite;
 use crate::error_c::without_estimate;
 use crate::feedback_c::{Filter, INCLUDE_OUTPUTS, feedback_core, has_units, set_unknowns};
+use crate::guard_c::{set_guard, substitute_core};
 use crate::net_c::{has_time, net_core, sources};
 use crate::origin::{Origin, domain};
 use crate::outputs_c::outputs_core;
@@ -11,7 +12,7 @@ use crate::runge_kutta_c::runge_kutta_core;
 use crate::start_c::set_start;
 use crate::template::{Template, array, constant, places, table};
 use crate::{ExportError, GeneratedFile, Name, feedback_c};
-use pinc_mpc::{ProblemUnits, Softness, Weight};
+use pinc_mpc::{Nmpc, ProblemUnits, Softness, Weight};
 use pinc_ode::Dims;
 
 /// Steps of the self-test.
@@ -30,7 +31,8 @@ const FLOAT_TOLERANCE: f64 = 1e-3;
 
 /// The controller as C99: the model, the transcription by multiple shooting, Gauss-Newton SQP and
 /// the condensed active-set method, in memory of fixed size; with a self-test, build file and a
-/// page that says how to use them.
+/// page that says how to use them. The self-test takes the steps of `library`, the same controller
+/// before its first step.
 ///
 /// # Errors
 ///
@@ -38,6 +40,7 @@ const FLOAT_TOLERANCE: f64 = 1e-3;
 /// sensible one.
 pub fn controller_to_c(
     controller: &Controller<'_>,
+    library: Nmpc,
     name: &Name,
     origin: &Origin,
 ) -> Result<Vec<GeneratedFile>, ExportError> {
@@ -56,11 +59,11 @@ pub fn controller_to_c(
     }
     let selftest = match controller.estimator {
         None => {
-            set_selftest(&mut t, controller)?;
+            set_selftest(&mut t, controller, library)?;
             include_str!("../templates/mpc_selftest.c")
         }
         Some(estimation) => {
-            let steps = feedback_c::set_selftest(&mut t, controller, estimation, STEPS)?;
+            let steps = feedback_c::set_selftest(&mut t, (controller, library), estimation, STEPS)?;
             t.set("STEPS", steps);
             include_str!("../templates/feedback_selftest.c")
         }
@@ -91,10 +94,12 @@ pub(crate) fn controller_sources(
             if let Some(estimate) = estimate {
                 files.extend(estimate.core(name, origin)?);
             }
+            files.extend(substitute_core(controller.guard, open, name, origin)?);
             (files, "net")
         }
         ModelSource::RungeKutta(model) => {
-            (runge_kutta_core(model, open, name, origin)?, model.method.name())
+            let method = model.method.name();
+            (runge_kutta_core(model, method, open, name, origin)?, method)
         }
     };
     if let Some((equations, names)) = controller.outputs()? {
@@ -109,11 +114,12 @@ pub(crate) fn controller_sources(
     t.set("MODEL", model).set("VECTORS", include_str!("../templates/vectors.c"));
     set_sizes(&mut t, controller, dims);
     set_problem(&mut t, controller, dims)?;
+    let guarded = set_guard(&mut t, controller);
     set_unknowns(&mut t, controller, dims)?;
     set_start(&mut t, controller, origin, dims)?;
     let looks = controller.optimizes_outputs();
     t.set("OUTPUTS", if looks { include_str!("../templates/mpc_outputs.c") } else { "" })
-        .set("INCLUDE", if looks { INCLUDE_OUTPUTS } else { "" });
+        .set("INCLUDE", [if looks { INCLUDE_OUTPUTS } else { "" }, guarded].concat());
     t.set("DENSE", include_str!("../templates/mpc_dense.c"))
         .set("CONDENSE", include_str!("../templates/mpc_condense.c"))
         .set("SQP", include_str!("../templates/mpc_sqp.c"))
@@ -343,8 +349,11 @@ fn weights(
 }
 
 /// Golden vectors: the controller of the library in closed loop with its own model.
-fn set_selftest(t: &mut Template, controller: &Controller<'_>) -> Result<(), ExportError> {
-    let mut nmpc = controller.library()?;
+fn set_selftest(
+    t: &mut Template,
+    controller: &Controller<'_>,
+    mut nmpc: Nmpc,
+) -> Result<(), ExportError> {
     let mut model = controller.library_model()?;
     let mut x = controller.initial_state.to_vec();
     let width = controller.reference.outputs();

@@ -39,9 +39,11 @@ impl RungeKuttaModel<'_> {
     }
 }
 
-/// Header and source of the integrator, with the parameters that `open` names behind the inputs.
+/// Header and source of the integrator by the name `stem`, with the parameters that `open` names
+/// behind the inputs.
 pub(crate) fn runge_kutta_core(
     model: RungeKuttaModel<'_>,
+    stem: &str,
     open: Open<'_>,
     name: &Name,
     origin: &Origin,
@@ -67,7 +69,7 @@ pub(crate) fn runge_kutta_core(
     let mut t = Template::new(name);
     t.set("BANNER", origin.banner("A plant as its own model, by Runge-Kutta steps.", None))
         .set("REAL", include_str!("../templates/real.h"))
-        .set("RK", model.method.name())
+        .set("RK", stem)
         .set("NX", nx)
         .set("NU", nu)
         .set("T", constant(model.sample_time_s))
@@ -80,7 +82,7 @@ pub(crate) fn runge_kutta_core(
         .set("SLOPES", slopes(&jacobian.entries, nx))
         .set("UNITS", units(nx, nu + names.len()));
     open.set(&mut t);
-    let file = |suffix: &str| format!("{}.{suffix}", model.method.name());
+    let file = |suffix: &str| format!("{stem}.{suffix}");
     Ok(vec![
         t.file(&file("h"), include_str!("../templates/runge_kutta.h")),
         t.file(&file("c"), include_str!("../templates/runge_kutta.c")),

@@ -144,7 +144,7 @@ typedef struct {
    within a program, and the plan is on the way to its solution. */
 typedef enum { PINC_JUDGED = 0, PINC_STEPPED = 1, PINC_UNDERWAY = 2 } pinc_standing;
 
-/**
+@GUARD_TYPES@/**
  * A controller: all of its memory. Set up by pinc_mpc_init. A copy of it is the controller's state: a
  * program of the same build that assigns it goes on from there, without a bump.
  */
@@ -186,13 +186,13 @@ typedef struct {
     int followed;
     /** How many steps in a row, up to the last, did not end with PINC_CONVERGED: for a watchdog. */
     unsigned int missed;
-@UNKNOWN_FIELD@
+@TRUST_FIELDS@@UNKNOWN_FIELD@
     /* The rest is private. */
     unsigned long mark;
     pinc_plan plan;
     pinc_plan fallback;
     pinc_plan base;
-    pinc_qp qp[2];
+@ORIGIN_FIELD@    pinc_qp qp[2];
     int at;
     pinc_dense dense;
     PINC_REAL penalty[PINC_STATES];

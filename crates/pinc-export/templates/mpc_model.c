@@ -1,6 +1,6 @@
 /* ---- The model as the optimization sees it --------------------------------------------------- */
 
-#if PINC_ND > 0
+@EITHER@#if PINC_ND > 0
 /* Where the disturbances enter: inputs, or quantities that are measured, or states; of quantities,
    states come first, then outputs. */
 @PLACES@
@@ -63,7 +63,7 @@ static void pinc_seen_step(const pinc_mpc *m, const PINC_REAL *x, const PINC_REA
     PINC_REAL inner_x[PINC_NX];
     PINC_REAL inner_u[PINC_NU + PINC_NP];
     pinc_arguments(m, x, u, inner_x, inner_u);
-    pinc_@MODEL@_step(inner_x, inner_u, next);
+    @MODEL_STEP@inner_x, inner_u, next);
     pinc_finish(m, next);
 }
 #endif
@@ -80,7 +80,7 @@ static void pinc_seen_linearize_all(const pinc_mpc *m, int points, const PINC_RE
         pinc_arguments(m, x + (c * PINC_NX), u + (c * PINC_NU), inner_x + (c * PINC_NX),
                        inner_u + (c * (PINC_NU + PINC_NP)));
     }
-    pinc_@MODEL@_linearize_all(points, inner_x, inner_u, next, a, inner_b);
+    @MODEL_LINEARIZE@points, inner_x, inner_u, next, a, inner_b);
     for (c = 0; c < points; c++) {
         pinc_finish(m, next + (c * PINC_NX));
     }

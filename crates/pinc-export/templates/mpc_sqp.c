@@ -976,31 +976,11 @@ static void pinc_count(pinc_mpc *m, pinc_status status)
     }
 }
 
-pinc_status pinc_mpc_step(pinc_mpc *m, const PINC_REAL x[PINC_NX],
-                          const PINC_REAL reference[PINC_N2 * PINC_NY], PINC_REAL u[PINC_NU])
+/* Chooses the plan of a step from the state x. */
+static pinc_status pinc_choose_plan(pinc_mpc *m, const PINC_REAL *x, const PINC_REAL *reference)
 {
     pinc_status status;
     int finite;
-    if (m->mark != PINC_MARK) {
-        pinc_copy(u, pinc_initial_input, PINC_NU);
-        pinc_clamp_input(u, pinc_low, pinc_high);
-        pinc_give_input(u);
-        return PINC_NOT_INITIALIZED;
-    }
-    if (m->timed == 0) {
-        pinc_mpc_start_clock(m);
-    }
-    m->timed = 0;
-    if ((pinc_all_finite(x, PINC_NX) & pinc_all_finite(reference, PINC_N2 * PINC_NY)) == 0) {
-        m->iterations = 0;
-        m->kkt = PINC_INFINITY;
-        m->followed = 0;
-        pinc_clamp_input(m->previous, m->low, m->high);
-        pinc_push(m, u);
-        pinc_count(m, PINC_BAD_ARGUMENT);
-        return PINC_BAD_ARGUMENT;
-    }
-    m->spent = 0;
     if (m->unplaced != 0) {
         pinc_place_plan(m, x);
     }
@@ -1019,6 +999,34 @@ pinc_status pinc_mpc_step(pinc_mpc *m, const PINC_REAL x[PINC_NX],
     }
     pinc_keep_plan(m, status, finite);
     pinc_project(m, m->plan.z);
+    return status;
+}
+@GUARD@
+pinc_status pinc_mpc_step(pinc_mpc *m, const PINC_REAL x[PINC_NX],
+                          const PINC_REAL reference[PINC_N2 * PINC_NY], PINC_REAL u[PINC_NU])
+{
+    pinc_status status;
+    if (m->mark != PINC_MARK) {
+        pinc_copy(u, pinc_initial_input, PINC_NU);
+        pinc_clamp_input(u, pinc_low, pinc_high);
+        pinc_give_input(u);
+        return PINC_NOT_INITIALIZED;
+    }
+    if (m->timed == 0) {
+        pinc_mpc_start_clock(m);
+    }
+    m->timed = 0;
+@FORGET_TRUST@    if ((pinc_all_finite(x, PINC_NX) & pinc_all_finite(reference, PINC_N2 * PINC_NY)) == 0) {
+        m->iterations = 0;
+        m->kkt = PINC_INFINITY;
+        m->followed = 0;
+        pinc_clamp_input(m->previous, m->low, m->high);
+        pinc_push(m, u);
+        pinc_count(m, PINC_BAD_ARGUMENT);
+        return PINC_BAD_ARGUMENT;
+    }
+    m->spent = 0;
+    status = pinc_@CHOOSE@_plan(m, x, reference);
     pinc_copy(m->previous, m->plan.z + PINC_STATES, PINC_NU);
     pinc_push(m, u);
     pinc_count(m, status);

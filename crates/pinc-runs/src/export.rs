@@ -1,15 +1,16 @@
 //! `pinc export`: nets and controllers for other programs.
 
 use super::chosen::{Chosen, ModelFile};
+use super::model_error::tolerances;
 use super::proof::certificate;
 use super::shared_library::shared_library;
 use super::{chainable, parse_model, read_matching_model};
 use crate::RunError;
-use pinc_config::{EstimatorKind, Experiment, ModelKind, Variables};
+use pinc_config::{EstimatorKind, Experiment, ModelKind, OnError, Variables};
 use pinc_estimate::{Augmentation, Tuning};
 use pinc_export::{
-    Controller, Estimation, ExportError, Filter, FmiVersion, GeneratedFile, ModelSource, Name,
-    Origin, Precision, RungeKuttaModel, net_to_onnx,
+    Controller, ErrorGuard, ErrorResponse, Estimation, ExportError, Filter, FmiVersion,
+    GeneratedFile, ModelSource, Name, Origin, Precision, RungeKuttaModel, net_to_onnx,
 };
 use pinc_expr::PlantEquations;
 use pinc_mpc::NmpcProblem;
@@ -132,8 +133,6 @@ pub fn export_controller(
         return Err(RunError::usage(&experiment.name, problem));
     }
     let spec = chosen.spec;
-    let judged = chosen.net().is_some() && !spec.error_tolerance.is_empty();
-    let certified = "a net that `pinc certify` proves, without the key";
     let (constant, without) =
         ("constant bounds, or `pinc serve`", "a config without it, or `pinc serve`");
     for (feature, instead, is_there) in [
@@ -145,26 +144,38 @@ pub fn export_controller(
         ("control.cost", "q and r alone, or `pinc serve`", spec.cost.is_some()),
         ("control.bound_schedule", constant, !spec.bound_schedule.is_empty()),
         ("control.uncertainty", "tighter bounds, or `pinc serve`", spec.uncertainty.is_some()),
-        ("control.error_tolerance", certified, judged),
     ] {
         if is_there {
             return Err(ExportError::Feature { feature, instead }.into());
         }
     }
     let explicit = chosen.kind.integrator().filter(|method| method.tableau().is_some());
+    let integrated = |equations, method| RungeKuttaModel {
+        equations,
+        parameters: if estimated.is_empty() { &[] } else { &chosen.parameter_names },
+        method,
+        sample_time_s: chosen.sample_time_s,
+        substeps: spec.own_substeps(method),
+    };
     let source = match (chosen.net(), &equations, explicit) {
         (Some(net), _, None) => ModelSource::Net(net),
-        (_, Some(equations), Some(method)) => ModelSource::RungeKutta(RungeKuttaModel {
-            equations,
-            parameters: if estimated.is_empty() { &[] } else { &chosen.parameter_names },
-            method,
-            sample_time_s: chosen.sample_time_s,
-            substeps: chosen.spec.own_substeps(method),
-        }),
+        (_, Some(equations), Some(method)) => {
+            ModelSource::RungeKutta(integrated(equations, method))
+        }
         _ => {
             return Err(RunError::not_exportable(experiment.plant.name(), chosen.kind));
         }
     };
+    let tolerance = tolerances(spec, &*chosen.plant);
+    let response = match (spec.on_error, &equations) {
+        (OnError::Integrator, Some(equations)) => {
+            ErrorResponse::Integrator(integrated(equations, spec.substitute()))
+        }
+        // Without equations there is no estimate either.
+        (OnError::Count | OnError::Integrator, _) => ErrorResponse::Count,
+        (OnError::Correct, _) => ErrorResponse::Correct,
+    };
+    let judged = chosen.net().is_some() && !spec.error_tolerance.is_empty();
     let mut content = experiment.to_toml().into_bytes();
     content.extend(chosen.given.iter().flat_map(|(bytes, _)| bytes));
     let net = chosen.given.as_ref().map(|(bytes, _)| &bytes[..]);
@@ -178,6 +189,7 @@ pub fn export_controller(
         model: source,
         equations: equations.as_ref(),
         estimates_error: with_errors,
+        guard: judged.then_some(ErrorGuard { tolerance: &tolerance, response }),
         initial_state: &chosen.spec.initial_state,
         initial_input: chosen.spec.initial_input.as_deref(),
         reference: &setup.reference()?,
@@ -186,7 +198,13 @@ pub fn export_controller(
         estimator: estimating.as_ref().map(Estimating::estimation),
     };
     let files = match to {
-        Target::C => pinc_export::controller_to_c(&controller, &name, &origin)?,
+        Target::C => {
+            let mut library = setup.controller(chosen.kind, &*chosen.plant)?;
+            if let Some(u) = controller.initial_input {
+                library.reset_input(u)?;
+            }
+            pinc_export::controller_to_c(&controller, library, &name, &origin)?
+        }
         Target::Fmu(version) => {
             let content = pinc_export::controller_to_fmu(&controller, &name, &origin, version)?;
             vec![fmu(content, &name, version)?]

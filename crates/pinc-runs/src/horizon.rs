@@ -118,8 +118,7 @@ impl LoopSetup<'_> {
         let substitute = match self.spec.on_error {
             OnError::Count => None,
             OnError::Integrator => {
-                let integrator = self.spec.models.iter().find(|kind| kind.integrator().is_some());
-                let kind = integrator.copied().unwrap_or(ModelKind::RK4);
+                let kind = ModelKind::Integrator(self.spec.substitute());
                 Some(self.builder(kind, plant, problem, augmentation, None)?.build()?)
             }
             OnError::Correct => {

@@ -121,14 +121,9 @@ impl ErrorJudge {
         plant: &dyn DynPlant,
         augmentation: Option<&Augmentation>,
     ) -> Result<(Self, SharedLog), RunError> {
-        let states = plant.states().iter();
-        let tolerance = states.map(|state| {
-            let named = spec.error_tolerance.get(&*state.name);
-            named.copied().unwrap_or(f64::INFINITY)
-        });
         let zeros = vec![0.0; plant.states().len()];
         let log = Arc::new(Mutex::new(ErrorLog {
-            tolerance: tolerance.collect(),
+            tolerance: tolerances(spec, plant),
             largest: zeros.clone(),
             last: zeros.clone(),
             ..ErrorLog::default()
@@ -161,6 +156,12 @@ impl Judge for ErrorJudge {
             }
         }
     }
+}
+
+/// The tolerance of each state; infinite where there is none.
+pub(crate) fn tolerances(spec: &ControlSpec, plant: &dyn DynPlant) -> Vec<f64> {
+    let named = |name: &str| spec.error_tolerance.get(name).copied();
+    plant.states().iter().map(|state| named(&state.name).unwrap_or(f64::INFINITY)).collect()
 }
 
 /// A model of `states` states with a correction of each as its first parameters, before its own.

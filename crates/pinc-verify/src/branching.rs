@@ -351,3 +351,43 @@ fn plan(
     let most = most.filter(|_| useful).or(found.obstacle);
     leaf.cut = most.unwrap_or_else(|| leaf.next_in_turn(goals.len()));
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::StepModel;
+    use crate::polynomial::Polynomial;
+    use pinc_expr::PlantEquations;
+    use pinc_ode::Tableau;
+    use pinc_plants::OneTank;
+
+    /// The bound of a leaf holds what model and flow miss, and so does what it is at least.
+    #[test]
+    fn a_leaf_misses_what_model_and_flow_miss() {
+        let model = StepModel::RungeKutta(Tableau::CLASSICAL, 1);
+        let tank = PlantEquations::traced(OneTank::default());
+        let error = StepError::new(&tank, &[], 1, model, 1.0).unwrap();
+        let over = error.enclosing(2, 2);
+        let mut coefficients = vec![0.0; over.coefficients()];
+        coefficients[0] = 0.5;
+        let found = BoxError {
+            polynomials: vec![Polynomial { coefficients, rounding: 0.0 }],
+            of_map: vec![0.25],
+            of_flow: vec![0.125],
+            drives: [vec![0.0; 2], vec![0.0; 2]],
+            obstacle: None,
+        };
+        let leaf = PartLeaf {
+            ends: vec![[1.0, 2.0], [0.0, 1.0]],
+            bound: vec![None],
+            cut: 0,
+            steps: 1,
+            flow: None,
+            depth: 0,
+        };
+        let (judged, least) = judge((&over, 8), &leaf, &found, &[1.0]);
+        let bound = judged.bound[0].unwrap();
+        assert!((bound - 0.875).abs() < 1e-8 && bound >= 0.875, "{bound}");
+        assert!((least[0] - 0.125).abs() < 1e-8, "{least:?}");
+    }
+}

@@ -135,7 +135,7 @@ impl Flow {
 
     /// Bounds of the errors at the end of a step in one box, from ranges of the states' polynomials
     /// and of what is held; none if the solution is not known to stay near.
-    fn in_a_tube(
+    pub(crate) fn in_a_tube(
         &self,
         [states, held]: &[Vec<Interval>; 2],
         h: f64,

@@ -42,7 +42,7 @@ impl PointError {
         self.error.iter().copied().zip(self.uncertainty.iter().copied())
     }
 
-    fn of(found: &BoxError) -> Self {
+    pub(crate) fn of(found: &BoxError) -> Self {
         let polynomials = &found.polynomials;
         let missing = found.of_map.iter().zip(&found.of_flow).zip(polynomials);
         Self {

@@ -150,7 +150,7 @@ impl StepError {
 
 /// Variable `i` in some boxes: a middle and a radius that cover the ends. The last box fills the
 /// lanes that are left.
-fn variable(over: &Arithmetic, boxes: &[&[[f64; 2]]], i: usize) -> Taylor {
+pub(crate) fn variable(over: &Arithmetic, boxes: &[&[[f64; 2]]], i: usize) -> Taylor {
     let ends = |lane: usize| boxes[lane.min(boxes.len() - 1)][i];
     let middle = lanes(|lane| {
         let [low, high] = ends(lane);

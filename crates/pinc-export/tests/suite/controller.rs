@@ -1,6 +1,7 @@
 //! Controllers in C against the library's, step by step.
 
 use super::compile::{READ, Sources};
+use super::guard::Guarded;
 use super::variants::{in_odd_units, tracking, with_rk5};
 use pinc_export::{
     Controller, Estimation, ExportError, GeneratedFile, ModelSource, Name, Origin, RungeKuttaModel,
@@ -8,7 +9,7 @@ use pinc_export::{
 };
 use pinc_expr::{Equations, PlantEquations};
 use pinc_mpc::{
-    Bounds, Nmpc, NmpcProblem, QpMethod, Reference, Softness, SqpConfig, Tracked, Weights,
+    Bounds, NmpcProblem, QpMethod, Reference, Softness, SqpConfig, Tracked, Trust, Weights,
 };
 use pinc_net::{Domain, NetConfig, PincModel, PincNet};
 use pinc_ode::{Dims, Integrator, Model, Variable, WithOutputs};
@@ -16,7 +17,7 @@ use pinc_plants::{FourTanks, VanDerPol};
 
 /// Reads per step: 1 for a reset before it, 1 and an input for one that was applied, the budget,
 /// state and reference. Writes status, iterations, whether the plan is followed, the
-/// KKT residual, and the input.
+/// KKT residual, the trust in the model, and the input.
 pub(crate) const DRIVER: &str = r#"
 #include "ctl_mpc.h"
 #include <stdio.h>
@@ -41,6 +42,7 @@ int main(void)
         m.budget = (long)head[2];
         status = ctl_mpc_step(&m, x, reference, u);
         printf("%d %d %d %.17g\n", (int)status, m.iterations, m.followed, (double)m.kkt);
+        printf("%d\n", @TRUST@);
         for (i = 0; i < CTL_NU; i++) {
             printf("%.17g\n", (double)u[i]);
         }
@@ -107,6 +109,7 @@ pub(crate) struct Case {
     /// The plant, where the model is a net and its outputs are used.
     pub(crate) outputs_of: Option<PlantEquations>,
     pub(crate) begin: Begin,
+    pub(crate) guard: Option<Guarded>,
 }
 
 /// What an exported controller begins with, and what it follows.
@@ -177,7 +180,9 @@ impl Case {
         &self,
         estimator: Option<Estimation<'_>>,
     ) -> Result<Vec<GeneratedFile>, ExportError> {
-        self.export_by(estimator, controller_to_c)
+        self.export_by(estimator, |controller, name, origin| {
+            controller_to_c(controller, self.library(estimator), name, origin)
+        })
     }
 
     /// The controller, exported by `export`.
@@ -212,6 +217,7 @@ impl Case {
             model: self.source(),
             equations: self.outputs_of.as_ref(),
             estimates_error: false,
+            guard: self.guard.as_ref().map(|guard| guard.exported(self)),
             initial_state: &middle,
             initial_input: begin.initial_input.as_deref(),
             reference: begin.reference.as_ref().unwrap_or(&held),
@@ -239,7 +245,7 @@ impl Case {
     /// `steps` steps of the library, with random states and references in episodes of 25 and some
     /// surprises: the lines for the driver, and what it is to write.
     fn run(&self, steps: usize, draws: &mut Draws, budget: Budget) -> (Vec<f64>, Vec<Step>) {
-        let mut nmpc = Nmpc::new(self.problem.clone(), self.model(), self.config).unwrap();
+        let mut nmpc = self.library(None);
         let mut model = self.model();
         let Dims { nx, nu, .. } = model.dims();
         let (mut lines, mut found) = (Vec::new(), Vec::new());
@@ -298,7 +304,8 @@ impl Case {
             let name = step.status.to_string();
             let status = STATUSES.iter().position(|s| *s == name).unwrap();
             let iterations = u32::try_from(step.sqp_iterations).unwrap();
-            let (followed, kkt, u) = (step.followed, step.kkt.max(), step.u.to_vec());
+            let (followed, kkt, trust) = (step.followed, step.kkt.max(), step.trust);
+            let u = step.u.to_vec();
             let mut next = vec![0.0; nx];
             model.step(&x, &u, &[], &mut next);
             x = next;
@@ -310,7 +317,7 @@ impl Case {
                     *x = *low;
                 }
             }
-            found.push(Step { status, iterations, followed, cut, kkt, u });
+            found.push(Step { status, iterations, followed, cut, kkt, trust, u });
         }
         assert!(nu > 0);
         (lines, found)
@@ -324,6 +331,7 @@ struct Step {
     followed: bool,
     cut: bool,
     kkt: f64,
+    trust: Trust,
     u: Vec<f64>,
 }
 
@@ -356,8 +364,10 @@ pub(crate) fn compare_with(
     budget: Budget,
 ) -> [usize; 6] {
     let (lines, expected) = case.run(steps, &mut Draws(seed), budget);
-    let found = sources.drive(&driver.replace("@READ@", READ), &[], &lines);
-    let width = 4 + case.problem.input_bounds.low.len();
+    let trust = if case.guard.is_some() { "(int)m.trust" } else { "0" };
+    let driver = driver.replace("@READ@", READ).replace("@TRUST@", trust);
+    let found = sources.drive(&driver, &[], &lines);
+    let width = 5 + case.problem.input_bounds.low.len();
     assert_eq!(found.len(), steps * width);
     let (mut seen, mut others, mut apart) = ([0; 6], 0, false);
     // An input of ordinary size counts as it is.
@@ -373,7 +383,7 @@ pub(crate) fn compare_with(
             continue;
         }
         let wanted = f64::from(u32::try_from(expected.status).unwrap());
-        let same = found[4..].iter().zip(&expected.u).all(|(u, v)| (u - v).abs() < 1e-8 * largest);
+        let same = found[5..].iter().zip(&expected.u).all(|(u, v)| (u - v).abs() < 1e-8 * largest);
         // What converges where a bound cannot be met is infeasible, status 3.
         let pair = [found[0].min(wanted), found[0].max(wanted)];
         let are = |of: [f64; 2]| pair.iter().zip(of).all(|(a, b)| a.total_cmp(&b).is_eq());
@@ -386,6 +396,8 @@ pub(crate) fn compare_with(
         assert!(found[0].total_cmp(&wanted).is_eq(), "step {k}: {found:?} {expected:?}");
         let followed = f64::from(u8::from(expected.followed));
         assert!(found[2].total_cmp(&followed).is_eq(), "step {k}: {found:?} {expected:?}");
+        let trust = f64::from(expected.trust as u8);
+        assert!(found[4].total_cmp(&trust).is_eq(), "step {k}: {found:?} {expected:?}");
         if expected.status == 2 {
             // Both may be infinite.
             let equal = found[3].total_cmp(&expected.kkt).is_eq();
@@ -394,7 +406,7 @@ pub(crate) fn compare_with(
         }
         // An iteration that does not converge ends anywhere.
         let allowed = if matches!(expected.status, 1 | 4) { 1e-2 } else { 1e-8 };
-        for (found, expected_u) in found[4..].iter().zip(&expected.u) {
+        for (found, expected_u) in found[5..].iter().zip(&expected.u) {
             let off = (found - expected_u).abs() / largest;
             assert!(off < allowed, "step {k}: {found} {expected:?}, {off:e}");
         }
@@ -421,6 +433,7 @@ pub(crate) fn oscillator_case() -> Case {
         sample_time_s: 0.5,
         outputs_of: None,
         begin: Begin::default(),
+        guard: None,
     }
 }
 
@@ -441,6 +454,7 @@ pub(crate) fn tanks_case() -> Case {
         sample_time_s: 10.0,
         outputs_of: None,
         begin: Begin::default(),
+        guard: None,
     }
 }
 

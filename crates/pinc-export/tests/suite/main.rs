@@ -7,6 +7,7 @@ mod controller;
 mod feedback;
 mod feedback_fmu;
 mod fmu;
+mod guard;
 mod net;
 mod rust_plants;
 mod start;

@@ -25,6 +25,7 @@ fn the_servos_controller_takes_the_librarys_steps() {
         sample_time_s: 0.01,
         outputs_of: None,
         begin: Begin::default(),
+        guard: None,
     };
     let seen = compare(&case, 500, 31);
     assert!(seen[0] > 200, "{seen:?}");
@@ -48,6 +49,7 @@ fn the_stills_controller_takes_the_librarys_steps() {
         sample_time_s: 60.0,
         outputs_of: None,
         begin: Begin::default(),
+        guard: None,
     };
     let seen = compare(&case, 250, 32);
     assert!(seen[0] > 100, "{seen:?}");

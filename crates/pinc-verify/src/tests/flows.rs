@@ -12,7 +12,7 @@ use pinc_expr::Equations;
 use proptest::prelude::*;
 
 /// x' = `text`, over `sample_time_s`.
-fn flow(text: &str, sample_time_s: f64) -> Flow {
+pub(super) fn flow(text: &str, sample_time_s: f64) -> Flow {
     let text = format!(
         r#"{{"states": [{{"name": "x"}}], "inputs": [{{"name": "u"}}], "derivatives": {{"x": "{text}"}}}}"#
     );

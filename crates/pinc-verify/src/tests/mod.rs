@@ -1,6 +1,7 @@
 //! Enclosures against exact rationals, and against what is known of flows.
 
 mod arithmetic;
+mod bounds;
 mod elementary;
 mod flows;
 

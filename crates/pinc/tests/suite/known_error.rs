@@ -1,7 +1,8 @@
 //! A net that knows its error: estimates beside predictions, the guard of a loop, and proofs.
 
+use crate::closed::Closed;
 use crate::common::{Outcome, outcome, pinc, smoke};
-use crate::ways::{Served, compile};
+use crate::ways::{Exported, Served, assert_same, compile};
 use pinc::ode::Dopri5;
 use pinc::plants::VanDerPol;
 use pinc_config::{Experiment, ModelKind};
@@ -142,9 +143,9 @@ fn check_errors_along_the_loop(dir: &Path) {
     fs::remove_dir_all(dir.join("along")).unwrap();
 }
 
-/// The served controller says what it thinks of its net, and what is generated refuses the key.
+/// The served controller says what it thinks of its net, and exported ones take the loop's steps.
 #[test]
-fn other_ways_out_have_the_guard_or_refuse_it() {
+fn other_ways_out_have_the_guard() {
     let dir = tempfile::tempdir().unwrap();
     assert_eq!(train(dir.path(), &smoke(), 100, &[]).code, Some(0));
     let model = dir.path().join("run/model.safetensors").display().to_string();
@@ -160,11 +161,18 @@ fn other_ways_out_have_the_guard_or_refuse_it() {
     let answer = plain.ask(&json!({ "y": [0.4, 0.1] }));
     assert!(answer["trust"].is_null() && answer["model_error"].is_null(), "{answer}");
     plain.end();
-    for to in ["c", "fmu"] {
-        let mut command = pinc(&["export", "experiment.toml", "--model", &model, "--to", to]);
-        let refused = outcome(command.args(["--set", tolerance]).current_dir(dir.path()));
-        refused.assert_refused(&["control.error_tolerance", "pinc certify"]);
+    let (mut loops, loose) = (Vec::new(), "control.error_tolerance={ x2 = 0.05 }");
+    for on_error in ["count", "integrator", "correct"] {
+        let on_error = format!("control.on_error=\"{on_error}\"");
+        let sets = ["--model", &model, "--set", loose, "--set", &on_error];
+        let sets = [&sets[..], &["--set", "control.max_failed_share=1.0"]].concat();
+        let out = tempfile::tempdir().unwrap();
+        let closed = Closed::run(out.path(), &config, ModelKind::Pinc, &sets);
+        let exported = Exported::of(out.path(), &config, ModelKind::Pinc, &sets, false).unwrap();
+        assert_same(&on_error, &closed, &exported.answers(&closed.told()), 1e-9);
+        loops.push(closed.inputs);
     }
+    assert!(loops[0] != loops[1] && loops[1] != loops[2], "{loops:?}");
     check_exported_estimates(dir.path(), &model);
 }
 

@@ -1,0 +1,61 @@
+//! Each part of what a box, a point or a tube does not know, in a case that would show its lack.
+
+use super::flows::flow;
+use crate::basis::Basis;
+use crate::interval::Interval;
+use crate::kernel::LANES;
+use crate::points::PointError;
+use crate::polynomial::Polynomial;
+use crate::problem::{BoxError, variable};
+use crate::taylor::Arithmetic;
+use pinc_ad::simd::Isa;
+
+/// A polynomial that is 1/2 everywhere, with parts missing of model, flow and rounding.
+fn half() -> BoxError {
+    BoxError {
+        polynomials: vec![Polynomial { coefficients: vec![0.5], rounding: 0.0625 }],
+        of_map: vec![0.25],
+        of_flow: vec![0.125],
+        drives: [vec![0.0], vec![0.0]],
+        obstacle: None,
+    }
+}
+
+#[test]
+fn a_point_misses_what_model_flow_and_rounding_miss() {
+    let found = PointError::of(&half());
+    let missing = 0.25 + 0.125 + 0.0625;
+    assert!((found.uncertainty[0] - missing).abs() < 1e-8, "{found:?}");
+    assert!((found.bound()[0] - 0.5 - missing).abs() < 1e-8, "{found:?}");
+    assert!((found.least()[0] - 0.5 + missing).abs() < 1e-8, "{found:?}");
+}
+
+#[test]
+fn ranges_and_choices_keep_remainders() {
+    let over = Arithmetic::new(Basis::of_space(1, 2), 2, Isa::detect());
+    let one = over.constant([1.0; LANES]).with_remainder([0.25; LANES]);
+    let Interval { low, high } = one.ranges()[3];
+    assert!(low <= 0.75 && high >= 1.25, "{low} {high}");
+    assert_eq!(over.choose(&one, &over.unknown(), &one).remainder, [0.25; LANES]);
+}
+
+#[test]
+fn a_box_holds_its_ends() {
+    let over = Arithmetic::new(Basis::of_space(1, 2), 2, Isa::detect());
+    for ends in [[0.1, 0.3], [-1.0, 2.0], [1e-3, 0.7]] {
+        let model = variable(&over, &[&[ends]], 0);
+        let (middle, radius) = (model.coefficients[0][0], model.coefficients[1][0]);
+        assert!(middle - radius <= ends[0] && middle + radius >= ends[1], "{ends:?}");
+    }
+}
+
+/// x' = x^2 from 1 and from 3/2: shortly before the second solution ends they are 147 apart, more
+/// than the first tube allows for.
+#[test]
+fn a_solution_that_leaves_its_tube_is_not_bounded_by_it() {
+    let h = 0.66;
+    let path = vec![Interval { low: 1.0, high: 1.0 / (1.0 - h) + 1e-9 }];
+    let held = vec![Interval::point(0.0)];
+    let end = flow("x^2", h).in_a_tube(&[path, held], h, &[0.5], &[0.0]);
+    assert!(end.as_ref().is_none_or(|end| end[0] >= 147.0), "{end:?}");
+}
