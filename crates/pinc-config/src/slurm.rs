@@ -55,7 +55,7 @@ impl SlurmSpec {
                     spec.modules = modules;
                 }
                 (key, _) if OWN.contains(&key) => {
-                    return wrong("another option: this one is set by the scripts");
+                    return wrong("another option: the scripts set this one");
                 }
                 (key, _) if !is_option(key) => {
                     return wrong("the long name of an option of sbatch, as `partition` or `time`");

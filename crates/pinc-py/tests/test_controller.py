@@ -183,7 +183,7 @@ def test_controllers_that_cannot_be_made_are_refused(
     smoke: Path, model: pinc.Model, tmp_path: Path
 ) -> None:
     for given, message in [
-        ({}, "a net that was trained"),
+        ({}, "a trained net"),
         ({"only": "none"}, "only: \"none\" given, expected one of pinc, rk4"),
         ({"only": "rosenbrock"}, "control.models"),
         ({"model": tmp_path / "none"}, "none"),

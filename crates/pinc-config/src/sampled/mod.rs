@@ -125,8 +125,8 @@ fn grid(table: &Table) -> Result<Grid, String> {
     let (Some(sample_time_s), Some(duration_s)) =
         (length.filter(|s| *s > 0.0), duration.filter(|s| *s > 0.0))
     else {
-        return Err("a list of steps, or beside it the length of a step, control.step_s or \
-                    model.horizon_s, and control.duration_s, both positive"
+        return Err("a list of steps, or also a step, control.step_s or model.horizon_s, and \
+                    control.duration_s, both positive"
             .to_owned());
     };
     let steps = duration_s / sample_time_s;

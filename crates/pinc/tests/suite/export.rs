@@ -216,7 +216,7 @@ fn all_targets_are_written() {
     let mut without = pinc(&arguments);
     without.arg(fmu.parent().unwrap()).env("PATH", dir.path());
     if cfg!(all(target_os = "linux", target_arch = "x86_64")) {
-        outcome(&mut without).assert_refused(&["export", "`cc` made no binary", "No such file"]);
+        outcome(&mut without).assert_refused(&["export", "`cc` failed", "No such file"]);
         assert!(!fmu.exists());
     }
     export(&["onnx", config, "--only", "rk4"]).assert_refused(&["--to onnx", "takes a net"]);
