@@ -321,7 +321,7 @@ mod tests {
     }
 
     #[test]
-    fn a_simplified_line_is_as_near_as_nobody_sees() {
+    fn a_simplified_line_is_too_near_to_see_the_difference() {
         let steps = [(0.0, 1.0), (1.0, 1.0), (2.0, 1.0), (2.0, 3.0), (5.0, 3.0)];
         assert_eq!(simplified(&steps), [(0.0, 1.0), (2.0, 1.0), (2.0, 3.0), (5.0, 3.0)]);
         let wave = |x: f64| 50.0 + 40.0 * (x / 60.0).sin();

@@ -107,7 +107,7 @@ mod tests {
     }
 
     #[test]
-    fn options_are_those_of_sbatch_and_nothing_else_gets_into_a_script() {
+    fn only_options_of_sbatch_get_into_a_script() {
         let spec = of("jobs = 8\npartition = \"short\"\ntime = \"02:00:00\"\ncpus-per-task = 4\n\
                        modules = [\"gcc/12\", \"openmpi\"]")
         .unwrap();

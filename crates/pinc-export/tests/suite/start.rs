@@ -312,7 +312,7 @@ int main(void)
 "#;
 
 #[test]
-fn a_copy_of_the_struct_goes_on_without_a_bump() {
+fn a_copy_of_the_struct_continues_without_a_bump() {
     for delay in [0, 2] {
         let files = begun(delay, false).export(None).unwrap();
         let found = Sources::new(&files).drive(COPIES, &[], &[]);

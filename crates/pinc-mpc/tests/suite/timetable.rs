@@ -70,7 +70,7 @@ fn by_stage(step: usize, preview: bool) -> NmpcProblem {
 
 /// Each plan of a loop is the plan of a controller that was built with the bounds of its stages.
 #[test]
-fn bounds_of_a_plan_are_those_of_its_steps() {
+fn bounds_of_a_plan_follow_its_steps() {
     for preview in [true, false] {
         let (problem, dims) = (problem(), model().dims());
         let schedule = BoundSchedule::new(rows(), &problem, dims).unwrap();

@@ -68,7 +68,7 @@ impl Counted {
 }
 
 #[test]
-fn a_plan_that_is_moved_on_is_linearized_at_its_ends() {
+fn a_shifted_plan_is_linearized_at_its_ends() {
     let mut run = Counted::new();
     let (status, points, qps) = run.step([0.2, 0.1]);
     assert_eq!((status, points), (SqpStatus::Converged, (qps + 1) * HORIZON));

@@ -82,7 +82,7 @@ fn table(outcome: &Outcome) -> String {
 }
 
 #[test]
-fn the_recommended_config_keeps_what_is_promised_and_a_resumed_run_repeats_nothing() {
+fn the_recommended_config_keeps_its_promise_and_a_resumed_run_repeats_nothing() {
     let dir = tempfile::tempdir().unwrap();
     let out = dir.path().join("choice");
     let config = repository("configs/smoke/van-der-pol.toml");

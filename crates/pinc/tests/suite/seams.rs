@@ -550,7 +550,7 @@ fn assert_table(name: &str, heads: [&str; 4], rows: Vec<[String; 4]>) {
 }
 
 #[test]
-fn the_page_of_the_ways_out_says_what_is_found() {
+fn the_page_of_the_ways_out_matches_the_refusals() {
     let ways = ["`pinc serve`, Python", "C, FMU"];
     assert_table("keys.csv", ["key", "`pinc control`", ways[0], ways[1]], rows_of_keys());
     assert_table("configs.csv", ["config", "model", ways[0], ways[1]], rows_of_configs());
