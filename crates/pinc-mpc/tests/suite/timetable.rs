@@ -45,8 +45,8 @@ fn model() -> Rk4<Lag> {
     Rk4::new(LAG, 1.0, 2)
 }
 
-/// The bounds of the stages of a plan that begins at `step`, one after the other: the state has
-/// those of the two steps that meet at its mark.
+/// The bounds of the stages of a plan that begins at `step`, one after the other: both steps that
+/// meet at a mark bound its state.
 fn by_stage(step: usize, preview: bool) -> NmpcProblem {
     let at = |ahead: usize| row(if preview { step + ahead } else { step });
     let side = |place: usize, stages: usize| -> [Vec<f64>; 2] {
