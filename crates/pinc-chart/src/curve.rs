@@ -1,4 +1,4 @@
-//! What happens to a curve between the data and the ink: steps, gaps, cuts at the frame, thinning.
+//! The way of a curve from data to ink: steps, gaps, cuts at the frame, thinning.
 
 /// A point: in data units or in pixels.
 pub type Point = (f64, f64);

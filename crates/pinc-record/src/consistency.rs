@@ -1,4 +1,4 @@
-//! Whether an estimator is surer of itself than it may be.
+//! The consistency of an estimator: errors against their claimed spread.
 
 use crate::metrics::{ControlMetrics, EstimatorMetrics};
 use crate::verdict::significant;

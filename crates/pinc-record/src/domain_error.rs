@@ -1,4 +1,4 @@
-//! How wrong one step of a net is all over its training domain, in numbers and in words.
+//! The error of one step of a net all over its training domain, in numbers and in words.
 
 use crate::metrics::number_or_null;
 use pinc_net::DomainError;

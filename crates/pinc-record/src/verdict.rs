@@ -1,4 +1,4 @@
-//! What went wrong in closed loops, and what can be done about it.
+//! Failures of closed loops, and advice about them.
 
 use crate::consistency::{self, EstimatorFinding};
 use crate::metrics::{ControlMetrics, Metrics, is_failure};

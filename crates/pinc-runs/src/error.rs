@@ -1,4 +1,4 @@
-//! What can go wrong with an experiment.
+//! Errors of an experiment.
 
 use pinc_config::{ConfigError, ModelKind};
 use pinc_estimate::EstimateError;

@@ -1,4 +1,4 @@
-//! What is uncertain.
+//! The sources of uncertainty.
 
 use crate::TubeError;
 use pinc_ode::{Dims, Model};

@@ -1,4 +1,4 @@
-//! How errors grow along a flow: the logarithmic norm, component by component.
+//! The growth of errors along a flow: the logarithmic norm, component by component.
 
 use crate::interval::Interval;
 use crate::rounding::{to_f64, up};

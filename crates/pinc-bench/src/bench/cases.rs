@@ -1,4 +1,4 @@
-//! What is measured: the paper's two plants, as the shipped configs have them.
+//! The measured cases: the paper's two plants, as the shipped configs have them.
 
 use pinc_config::{Experiment, Plants};
 use pinc_runs::RunError;

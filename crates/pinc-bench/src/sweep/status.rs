@@ -1,4 +1,4 @@
-//! How far a sweep is, from its directory alone.
+//! The status of a sweep, from its directory alone.
 
 use super::progress::{now_s, span};
 use super::{effort_of_trainings, made};

@@ -1,4 +1,4 @@
-//! What an estimator is told of a config.
+//! The settings of an estimator in a config.
 
 use crate::common::{parse, read};
 use pinc_estimate::Gate;

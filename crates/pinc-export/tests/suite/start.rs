@@ -1,5 +1,5 @@
-//! What controllers in C begin with, what they follow by time, and what they answer when something
-//! is missing, against the library's.
+//! Controllers in C against the library: their first input, their references over time, and their
+//! answers to missing values.
 
 use super::compile::{READ, Sources};
 use super::controller::{Begin, Case, oscillator_case};

@@ -1,4 +1,4 @@
-//! How often the controller evaluates its model, and what its quadratic programs take.
+//! Counts of the controller's evaluations of its model, and of the work of its quadratic programs.
 
 use crate::faulty::{Faulty, NOT_A_NUMBER, SOUND};
 use crate::problems::{four_tanks, van_der_pol};

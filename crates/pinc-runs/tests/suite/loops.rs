@@ -1,4 +1,4 @@
-//! What acts when in a closed loop, and what is said of it.
+//! The timing of signals in a closed loop, and its messages.
 
 use pinc_config::{Experiment, ModelKind, Plants};
 use pinc_record::{ControlMetrics, ControlReader, ControlRow, Metrics, file};

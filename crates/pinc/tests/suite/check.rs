@@ -1,4 +1,4 @@
-//! What `pinc check` finds in the shipped configs. Each of its messages has a test plant in
+//! The findings of `pinc check` in the shipped configs. Each of its messages has a test plant in
 //! `runs/check`.
 
 use crate::common::{outcome, pinc, repository};

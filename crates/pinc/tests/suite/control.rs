@@ -1,4 +1,4 @@
-//! What configs say of closed loops: outputs, what is known before, what is judged in the end.
+//! Closed loops in configs: outputs, known signals, the final judgement.
 
 use crate::common::{Outcome, outcome, pinc, repository};
 use pinc_config::ModelKind;
