@@ -10,7 +10,7 @@ use std::process::Command;
 /// Given the states of the loop that `pinc control` ran, it chooses the same inputs; with the
 /// references on the lines and without.
 #[test]
-fn the_served_controller_matches_the_loop() {
+fn the_served_controller_is_that_of_the_loop() {
     let config = repository("configs/van-der-pol/control.toml");
     let short = ["--set", "control.duration_s=20.0"];
     let begun = ["--set", "control.initial_input=[-0.6]", "--set", "control.increment_high=[0.1]"];
@@ -38,7 +38,7 @@ fn the_served_controller_matches_the_loop() {
 /// Given what the estimator of the loop was told, the served one estimates the same, and the
 /// controller chooses the same inputs.
 #[test]
-fn the_served_estimator_matches_the_loop() {
+fn the_served_estimator_is_that_of_the_loop() {
     let config = repository("configs/estimation/tanks.toml");
     let estimator = |kind: &'static str| format!("control.estimator.kind={kind}");
     let (ekf, ukf, mhe) = (estimator("ekf"), estimator("ukf"), estimator("mhe"));
@@ -285,7 +285,7 @@ fn the_example_client_closes_the_loop() {
 
 /// From a line on, the model has the measured parameters in it; a refused line changes nothing.
 #[test]
-fn measured_parameters_match_the_line() {
+fn measured_parameters_are_those_of_the_line() {
     let config = repository("configs/four-tanks/family.toml");
     let measured = "control.measured_parameters=[\"k1\", \"k2\"]";
     let y = json!([8.0, 12.0, 2.0, 3.0]);

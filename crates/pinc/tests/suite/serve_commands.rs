@@ -19,7 +19,7 @@ fn measured(k: usize, base: &[f64]) -> Value {
 
 /// A process that takes the state of another gives the inputs that the other gives.
 #[test]
-fn a_restarted_process_continues_without_a_bump() {
+fn a_restarted_process_goes_on_without_a_bump() {
     let oscillator = repository("configs/van-der-pol/control.toml");
     let tanks = repository("configs/estimation/tanks.toml");
     let window = "control.estimator.window=5";
@@ -218,7 +218,7 @@ fn the_clients_of_the_examples_reach_the_reference() {
 }
 
 #[test]
-fn only_addresses_of_this_machine_are_listened_on() {
+fn only_addresses_of_this_machine_are_listened_at() {
     let config = repository("configs/van-der-pol/control.toml");
     for address in ["0.0.0.0:5025", "192.168.1.5:5025", "localhost", "5025"] {
         let mut command = pinc(&["serve", "--only", "rk4", "--listen", address]);
