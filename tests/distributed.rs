@@ -78,7 +78,7 @@ fn hot_end(power: f64) -> f64 {
 }
 
 #[test]
-fn the_rod_at_rest_is_that_of_the_differential_equation() {
+fn the_rod_at_rest_matches_the_differential_equation() {
     let power = 15.0;
     let (hot, (cold, _)) = (hot_end(power), along_the_rod(hot_end(power), power));
     let ends = [20_u32, 40].map(|n| {
@@ -116,7 +116,7 @@ fn along_the_tube(bath: f64, feed: f64) -> (f64, f64) {
 }
 
 #[test]
-fn the_reactor_at_rest_is_that_of_the_differential_equation() {
+fn the_reactor_at_rest_matches_the_differential_equation() {
     let (hottest, conversion) = along_the_tube(625.0, 0.015);
     let found = [40_u32, 160].map(|n| {
         let reactor = plant("reactor.toml", &[&format!("plant.expression.sizes.n={n}")]);

@@ -54,7 +54,7 @@ def run(*command, cwd=None):
 
 
 def measured(name, kind):
-    """The header of what is measured, of an export whose main header is that of this kind."""
+    """The header of the measured functions, for an export of this kind."""
     functions = ["net_step", "net_linearize"] if kind == "net" else [f"{kind}_step"]
     text, reports = "", ""
     for short in functions:

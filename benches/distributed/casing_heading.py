@@ -8,7 +8,7 @@ The equations are written here a second time, with the pressures eliminated, and
 read from the config. Prints, for each rate of gas: the opening of the choke above which the steady
 state is unstable, the period of the oscillation there, and with half of the choke open the steady
 state, the range of the pressure at the bottom hole once it oscillates, its period, and the mean
-production beside that of the steady state.
+production beside the steady state's.
 """
 
 import math

@@ -7,9 +7,9 @@ with the program PINC, from the root of the repository; `--help` lists the optio
 several seeds, which takes up to 2 min a choice: leave the machine alone meanwhile. What was advised is added
 to choose.csv in the directory of the results, and not asked for again. Needs Python 3.11 alone.
 
-A model of a sweep is good by the rules of `pinc choose`: an IAE at most 1 % above that of the numerical
-method with the most exact step, and violations of bounds at most 1 % of the narrowest bounded range beyond
-that one's. The loops with the cheapest of them, and those with the advised models, are then run again, in
+A model of a sweep is good by the rules of `pinc choose`: its IAE exceeds the most exact numerical
+method's by at most 1 %, and it breaks bounds by at most 1 % of the narrowest bounded range more than this
+method. The loops with the cheapest of them, and those with the advised models, are then run again, in
 turns. The cheapest is the one whose median control step is the least in the median of the rounds; what
 another costs over it is the median of their ratios, round by round.
 """

@@ -5,9 +5,9 @@
 
 Of each plant: all nets, of each numerical method the one with the shortest control step among those
 whose IAE is within 1 % of the exact model's, and the exact model, which is the one of least error.
-With `--rounds` the loops of these rows are run again, in turns, with the nets of the sweep, and the
-least and the middle one of the rounds' median control steps are printed; without, that of the
-sweep.
+With `--rounds` the loops of these rows are run again, in turns, with the nets of the sweep; the least
+and the median of the rounds' median control steps are printed. Without it, the sweep's median control
+step is printed.
 Needs Python 3.11 alone, and `pinc` in the path or by `--pinc`.
 """
 
@@ -69,7 +69,7 @@ def control(pinc, arguments):
 
 
 def again(pinc, directory, loop, more=()):
-    """That of a loop of the sweep in `directory`, with `more` arguments."""
+    """Runs a loop of the sweep in `directory` again, with `more` arguments."""
     config = Path("configs/pareto") / (directory.name.removesuffix("-pareto") + ".toml")
     cases = tomllib.loads(config.read_text())["sweep"]["cases"]
     case = next(case for case in cases if case["name"] == loop["case"])

@@ -57,7 +57,7 @@ def exact(found):
 
 
 def off(loop, standard):
-    """How far the IAE of a loop is above that of the exact model, relative."""
+    """By how much the IAE of a loop exceeds the exact model's, relative."""
     return loop["iae"] / standard["iae"] - 1.0
 
 

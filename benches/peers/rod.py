@@ -8,8 +8,8 @@ by gcc -O3 -march=native and called by a C program, one stage after the other, i
 the stages of a horizon of 20 at once, as its controller does, in one thread too. Both are run in turn, and
 the least of all rounds counts. That they compute the same is checked at one point.
 
-The more nodes, the faster the heat spreads between them: the stage is that of the config, halved until
-RK4 is stable on it (from 50 nodes on).
+The more nodes, the faster the heat spreads between them: the config's stage is halved until RK4 is
+stable on it (from 50 nodes on).
 
 Two forms of the same derivatives are generated, since neither is the faster one for every size:
 
@@ -92,7 +92,7 @@ def rod(nodes, parameters):
 
 
 def stage_s(nodes, config):
-    """The length of a stage in s: that of the config, halved until RK4 is far from unstable."""
+    """The length of a stage in s: the config's, halved until RK4 is far from unstable."""
     p = config["plant"]["expression"]["parameters"]
     diffusivity = p["conductivity"] / (p["density"] * p["heat_capacity"])
     fastest = 4 * diffusivity / (p["length"] / nodes) ** 2

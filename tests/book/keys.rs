@@ -147,7 +147,7 @@ fn described() -> (String, Vec<String>) {
     };
     let top = types.fields("Experiment").expect("the root of a config");
     page.fields("", "Experiment", top);
-    page.text += "## `[presets.NAME]`\n\nValues for one preset alone, over those of the sections: \
+    page.text += "## `[presets.NAME]`\n\nValues for one preset, which override the sections: \
                   `[presets.ours.control]` has the keys of `[control]`.\n";
     (page.text, page.poor)
 }

@@ -332,7 +332,7 @@ def check_fmu(model):
 
 
 def check_fmi3(model):
-    """A free run of the FMU of FMI 3.0 against that of FMI 2.0, and the validator on all kinds."""
+    """Compares a free run of the FMUs of FMI 3.0 and 2.0, and runs the validator on all kinds."""
     out = WORK / "fmi3"
     flags = ["--to", "fmu", "--fmi3", "--name"]
     pinc("export", "--model", model, *flags, "osc", "--out", out)
@@ -344,7 +344,7 @@ def check_fmi3(model):
     for path in (WORK / "fmu" / "osc.fmu", out / "osc.fmu"):
         result = fmpy.simulate_fmu(str(path), stop_time=3.0, step_size=0.125, output_interval=0.125)
         results.append(np.array([result["x1"], result["x2"]]))
-    report("FMU of FMI 3.0 against that of 2.0", np.abs(results[0] - results[1]).max(), 1e-15)
+    report("FMU of FMI 3.0 against FMI 2.0", np.abs(results[0] - results[1]).max(), 1e-15)
 
 
 def check_controller_fmu(model):

@@ -163,7 +163,7 @@ def main():
         for found, right in zip(iae, expected):
             if abs(found - right) > 1e-3 * right:
                 wrong.append(f"{name}: IAE {found} beside {right}")
-    # Fitted to derivatives too, those of the equation and those of the FMU.
+    # Fitted to derivatives too: the equation's and the FMU's.
     values, plant = EQUATIONS["damped"]
     fmu = FMU.format(file=WORK / "reference-2.fmu", kind="model-exchange") + REFERENCE
     derivatives = "derivatives = 0.1"

@@ -1,4 +1,4 @@
-//! What a model promises besides its Jacobians.
+//! A model's promises besides its Jacobians.
 
 use crate::candidates::candidates;
 use crate::harness::{Point, bits, fingerprint, linearize, linearize_output, output, step};

@@ -1,4 +1,4 @@
-//! What a page claims: numbers, each with the command that gives it and where to read it.
+//! The claims of a page: numbers, each with the command that gives it and where to read it.
 
 use crate::numeral::{Numeral, Rule, numerals};
 use crate::page::{Block, Kind, Mark, Page, Section};

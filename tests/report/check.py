@@ -95,7 +95,7 @@ def tried(name, page):
 
 
 def static(name, page):
-    """In print, and without scripts, the page is that of the SVG pictures."""
+    """In print and without scripts the page shows the SVG pictures."""
     plain = WORK / f"{name}-plain.html"
     text = re.sub(r"<script\b.*?</script>\n", "", page.read_text(), flags=re.S)
     plain.write_text(text)
@@ -106,7 +106,7 @@ def static(name, page):
         subprocess.run(["pdftoppm", "-r", "60", "-png", pdf, pdf.with_suffix("")], check=True)
         prints.append([path.read_bytes() for path in sorted(WORK.glob(f"{source.stem}-[0-9]*.png"))])
     if prints[0] != prints[1] or not prints[0]:
-        failed(f"{name}: its {len(prints[0])} printed pages are not those of its SVG pictures")
+        failed(f"{name}: its {len(prints[0])} printed pages do not show its SVG pictures")
     size = "--window-size=1200,6000"
     chromium(page, size, "--virtual-time-budget=5000", f"--screenshot={WORK / f'{name}-screen.png'}")
     silent = WORK / f"{name}-no-scripts.html"
@@ -115,7 +115,7 @@ def static(name, page):
     chromium(plain, size, f"--screenshot={WORK / f'{name}-plain.png'}")
     pictures = [(WORK / f"{name}-{kind}.png").read_bytes() for kind in ["no-scripts", "plain"]]
     if pictures[0] != pictures[1]:
-        failed(f"{name}: the page without scripts is not that of its SVG pictures")
+        failed(f"{name}: the page without scripts does not show its SVG pictures")
 
 
 def main():

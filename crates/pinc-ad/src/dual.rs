@@ -9,8 +9,8 @@
 //! f(a + v_1 e_1 + .. + v_N e_N) = f(a) + f'(a) v_1 e_1 + .. + f'(a) v_N e_N
 //! ```
 //!
-//! so that evaluating f on a dual number gives its value in [`Dual::re`] and, in [`Dual::eps`], its
-//! derivatives in N directions, by these rules:
+//! Evaluating f on a dual number therefore gives its value in [`Dual::re`] and its derivatives in N
+//! directions in [`Dual::eps`], by these rules:
 //!
 //! ```text
 //! (a + v e) + (b + w e) = (a + b) +  (v + w) e
@@ -21,7 +21,7 @@
 //! tanh(a + v e)         =  tanh a +  (1 - tanh^2 a) v e
 //! ```
 //!
-//! To get `df/dx_j`, start `x_j` with eps = 1 in some direction and all else with 0.
+//! To get `df/dx_j`, give `x_j` eps = 1 in one direction and all other variables 0 in it.
 
 use crate::Scalar;
 use crate::simd::Work;

@@ -1,4 +1,4 @@
-//! Where terms of an equation become 0 in and around a box.
+//! Zeros of an equation's terms in and around a box.
 
 use crate::{OperatingPoint, Region};
 use std::cell::Cell;

@@ -1,4 +1,4 @@
-//! Whether measurements tell what an estimator wants to know.
+//! Whether measurements determine the states and disturbances of an estimator.
 
 use crate::Complex;
 use faer::Mat;

@@ -1,20 +1,17 @@
 #![doc = include_str!("../README.md")]
 //! # Tour
 //!
-//! - [`SteadyStateSearch`]: where f(x, u) = 0, with some of the states held at given values and the
-//!   others and the inputs within bounds.
-//! - [`StateSpace`]: the plant linearized, with its eigenvalues, static gain and transmission
-//!   zeros;
-//!   [`TimeScales`] says what the eigenvalues mean; [`common_plane`] finds what all steady states
-//!   share.
-//! - [`StabilityFunction`]: which steps are stable; [`OneStepSamples`]: how large the error of a step
-//!   is.
-//! - [`Survey`]: where the equation has poles, jumps and kinks, in and around a box; [`crossings`]
-//!   finds where terms of it vanish.
+//! - [`SteadyStateSearch`]: finds f(x, u) = 0 with some states at given values and the other states
+//!   and the inputs within bounds.
+//! - [`StateSpace`]: the linearized plant, its eigenvalues, static gain and transmission zeros.
+//!   [`TimeScales`] interprets the eigenvalues; [`common_plane`] finds the plane that holds all
+//!   steady states.
+//! - [`StabilityFunction`]: which steps are stable. [`OneStepSamples`]: the error of one step.
+//! - [`Survey`]: poles, jumps and kinks of the equation in and around a box. [`crossings`] finds
+//!   where its terms vanish.
 //!
-//! Results are numbers and enums; what they mean for a config is said elsewhere. All take the plant
-//! as
-//! [`pinc_ode::DynRhs`]. Parameters of a plant that vary from call to call are not supported.
+//! Results are numbers and enums; pinc-check interprets them for a config. All functions take the
+//! plant as [`pinc_ode::DynRhs`], with fixed parameters.
 
 #![forbid(unsafe_code)]
 

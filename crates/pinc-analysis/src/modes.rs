@@ -1,4 +1,4 @@
-//! What eigenvalues mean for the choice of steps and horizons.
+//! The time scales of eigenvalues, for the choice of steps and horizons.
 
 use crate::Complex;
 

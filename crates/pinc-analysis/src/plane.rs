@@ -1,4 +1,4 @@
-//! What a set of points has in common.
+//! The plane that contains a set of points.
 
 use faer::Mat;
 

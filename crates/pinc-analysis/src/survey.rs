@@ -1,4 +1,4 @@
-//! Where an equation is not smooth: lines through a box, along each variable.
+//! Poles, jumps and kinks of an equation, found on lines through a box along each variable.
 
 use crate::state_space::{jacobian, rhs};
 use crate::{OperatingPoint, Region};

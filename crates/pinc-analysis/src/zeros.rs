@@ -5,11 +5,11 @@
 //!        [   C      D]
 //! ```
 //!
-//! The zeros are the finite generalized eigenvalues of this pencil. Where D is singular, it also
-//! has infinite ones, in chains that rounding would turn into large finite numbers. So orthogonal
-//! transformations first remove these, from the rows and then from the columns, until D is square
-//! and invertible. Reference: Emami-Naeini and Van Dooren, "Computation of zeros of linear
-//! multivariable systems", Automatica 18 (1982).
+//! The zeros are the finite generalized eigenvalues of this pencil. If D is singular, the pencil also
+//! has infinite eigenvalues, in chains that rounding would turn into large finite numbers.
+//! Orthogonal transformations therefore remove them first, from the rows and then from the columns,
+//! until D is square and invertible. Source: Emami-Naeini and Van Dooren, "Computation of zeros of
+//! linear multivariable systems", Automatica 18 (1982).
 
 use crate::{Complex, StateSpace, TransmissionZeros};
 use faer::Mat;

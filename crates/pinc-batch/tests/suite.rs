@@ -89,7 +89,7 @@ fn a_large_state_leaves_no_trace_in_the_steps_after_it() {
 }
 
 #[test]
-fn gradients_are_those_of_the_controller() {
+fn gradients_match_the_controller() {
     let x = states(30);
     let reference = [12.0, 11.0].repeat(5);
     let at = Situations { x: &x, reference: &reference, u_before: &[2.0, 2.5], parameters: &[] };
@@ -110,7 +110,7 @@ fn gradients_are_those_of_the_controller() {
 }
 
 #[test]
-fn loops_are_those_of_one_controller() {
+fn loops_match_one_controller() {
     let reference = |k: usize| Reference::new([5.0 + 9.0 * spread(k), 10.0].repeat(12), 2).unwrap();
     let references: Vec<_> = (0..9).map(reference).collect();
     let plant: Simulator = AccurateIntegrator::new(FourTanks::antonelo(), 1e-9).into();
@@ -195,7 +195,7 @@ fn tuned(q: [f64; 2], r: f64, terminal: f64, penalty: f64) -> Result<Nmpc, MpcEr
 
 /// The plant differs from the model, so that the loop does not follow the plans.
 #[test]
-fn gradients_of_loops_are_those_of_differences() {
+fn gradients_of_loops_match_differences() {
     let plant = || -> Box<dyn Model> { Box::new(Rk4::new(VanDerPol { mu: 1.3 }, 0.5, 8)) };
     let values: Vec<f64> = (0..14).flat_map(|k| [if k < 7 { 0.5 } else { -0.3 }, 0.0]).collect();
     let reference = [Reference::new(values, 2).unwrap()];

@@ -1,4 +1,4 @@
-//! What happens to a curve between the data and the ink: steps, gaps, cuts at the frame, thinning.
+//! The way of a curve from data to ink: steps, gaps, cuts at the frame, thinning.
 
 /// A point: in data units or in pixels.
 pub type Point = (f64, f64);
@@ -321,7 +321,7 @@ mod tests {
     }
 
     #[test]
-    fn a_simplified_line_is_as_near_as_nobody_sees() {
+    fn a_simplified_line_is_too_near_to_see_the_difference() {
         let steps = [(0.0, 1.0), (1.0, 1.0), (2.0, 1.0), (2.0, 3.0), (5.0, 3.0)];
         assert_eq!(simplified(&steps), [(0.0, 1.0), (2.0, 1.0), (2.0, 3.0), (5.0, 3.0)]);
         let wave = |x: f64| 50.0 + 40.0 * (x / 60.0).sin();

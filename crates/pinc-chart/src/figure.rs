@@ -1,5 +1,5 @@
-//! What a picture shows: panels in a grid, each with marks over two axes. Plain data, in the units
-//! of what is shown.
+//! The content of a picture: panels in a grid, each with marks over two axes. Plain data, in the
+//! units of the shown quantities.
 
 use crate::color::{BLACK, Color, GREY};
 use crate::curve::Point;

@@ -1,4 +1,4 @@
-//! Where the words of a figure's events stand, above its first panel.
+//! The places of a figure's event labels, above its first panel.
 
 use crate::figure::Event;
 use crate::scale::Scale;

@@ -1,4 +1,4 @@
-//! Where the parts of a figure lie on its page.
+//! The places of a figure's parts on its page.
 
 use crate::color::{BLACK, INK};
 use crate::curve::Frame;

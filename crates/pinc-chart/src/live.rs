@@ -263,7 +263,7 @@ mod tests {
     }
 
     #[test]
-    fn base64_is_that_of_the_standard() {
+    fn base64_matches_the_standard() {
         // 1.0 is 00 00 80 3f; 0.0 is 00 00 00 00.
         assert_eq!(base64(&[1.0]), "AACAPw==");
         assert_eq!(base64(&[1.0, 0.0]), "AACAPwAAAAA=");

@@ -264,7 +264,7 @@ mod tests {
     }
 
     #[test]
-    fn values_without_a_place_are_told() {
+    fn values_without_a_place_are_named() {
         let values = [f64::NAN, -1.0, 0.0, f64::INFINITY, 1e-3, 1e-1];
         let scale = Scale::around(Kind::Log, values.into_iter()).unwrap();
         for value in &values[..4] {

@@ -1,4 +1,4 @@
-//! Whether the algebraic equations have one root all over the region, and how they depend on it.
+//! Checks that the algebraic equations have one root all over the region.
 
 use crate::{Finding, Subject, named, short};
 use pinc_analysis::OperatingPoint;

@@ -1,4 +1,4 @@
-//! Whether start, references and bounds fit together and lie in the training domain.
+//! Checks start, references and bounds against each other and the training domain.
 
 use crate::groups::groups;
 use crate::{Finding, MOST_REFERENCES, Subject, short};

@@ -1,4 +1,4 @@
-//! How long the models of the loop take on this machine.
+//! The times of the loop's models on this machine.
 
 use crate::{Finding, Subject};
 use pinc_config::ModelKind;

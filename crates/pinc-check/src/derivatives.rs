@@ -1,4 +1,4 @@
-//! Whether the equation and its derivatives are finite where they will be asked for.
+//! Checks that the equation and its derivatives are finite in the domain.
 
 use crate::{Finding, LISTED, Subject, short};
 use pinc_analysis::OperatingPoint;

@@ -1,5 +1,5 @@
-//! Where trajectories really go, against the training domain: the validation's scenarios, the free
-//! run, and the closed loop with RK4 as the model.
+//! Trajectories that leave the training domain: the validation's scenarios, the free run, and the
+//! closed loop with RK4 as the model.
 
 use crate::groups::groups;
 use crate::{Finding, Subject, short};

@@ -1,4 +1,4 @@
-//! What the inputs can do at steady state: the rank of the static gain, and the transmission zeros.
+//! The effect of the inputs at steady state: rank of the static gain, transmission zeros.
 
 use crate::{Finding, LISTED, Subject, short};
 use pinc_analysis::{

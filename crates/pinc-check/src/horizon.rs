@@ -1,5 +1,5 @@
-//! Whether the controller sees what its inputs do: how far they move the controlled states within
-//! the prediction horizon.
+//! Checks that the prediction horizon is long enough: how far the inputs move the controlled states
+//! within it.
 
 use crate::{Finding, Subject, short};
 use pinc_analysis::OperatingPoint;

@@ -2,8 +2,7 @@
 //! # Tour
 //!
 //! An examination takes the `Subject` and gives [`Finding`]s; the list of them is `EXAMINATIONS`.
-//! What only a program can do, running a closed loop and reading files, is handed in as
-//! [`Evidence`].
+//! The caller runs closed loops and reads files, and passes the results in as [`Evidence`].
 
 #![forbid(unsafe_code)]
 

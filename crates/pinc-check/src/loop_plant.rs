@@ -1,4 +1,4 @@
-//! Whether the plant of the loop, where it is another than the models', can hold the references.
+//! Checks that the plant of the loop, if it differs from the models', can hold the references.
 
 use crate::references::{nowhere, outside};
 use crate::{Finding, HeldPoint, MOST_REFERENCES, Subject};

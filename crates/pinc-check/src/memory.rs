@@ -1,4 +1,4 @@
-//! Whether a black box remembers more than its states: a step of T beside two steps of T/2.
+//! Checks a black box for hidden memory: one step of T against two of T/2.
 
 use crate::numbers::{named, short};
 use crate::{Finding, Subject, region};

@@ -1,4 +1,4 @@
-//! Whether a steady state reaches each reference, and the inputs can hold it within their bounds.
+//! Checks that each reference is a steady state that the inputs can hold within their bounds.
 
 use crate::groups::groups;
 use crate::numbers::apart;

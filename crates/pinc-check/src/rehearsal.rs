@@ -1,4 +1,4 @@
-//! How the steps of the closed loop end when an integrator is the model.
+//! A rehearsal of the closed loop with an integrator, and its failed steps.
 
 use crate::{Finding, Subject};
 use pinc_record::{advice, is_failure};

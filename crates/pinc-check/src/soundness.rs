@@ -1,4 +1,4 @@
-//! Whether an integrator is sound in a box: the one criterion of `pinc check` and `pinc choose`.
+//! The soundness of an integrator in a box: one criterion for `pinc check` and `pinc choose`.
 
 use crate::numbers::short;
 use crate::proven::proven_error;

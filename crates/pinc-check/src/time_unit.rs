@@ -1,5 +1,5 @@
-//! Whether the rates of the equation and the length of a step fit each other: a plant written in
-//! hours moves 3600 times too fast if it is taken to be in seconds.
+//! Checks that the rates of the equation fit the length of a step: a plant written in hours moves
+//! 3600 times too fast if it is read in seconds.
 
 use crate::{Finding, Subject, short};
 use pinc_config::{PlantSpec, TimeUnit};

@@ -1,4 +1,4 @@
-//! How far the bounds of a tube are tightened, and where nothing is left of them.
+//! The distances by which a tube tightens bounds, and bounds that leave no room.
 
 use crate::{Finding, Rehearsal, Subject, estimation::marks, short};
 use pinc_config::{ControlSpec, LoopParameters, ModelKind, TubeParts, UncertaintySpec, Variables};

@@ -1,4 +1,4 @@
-//! What was found, as a table and a sentence.
+//! The advice, as a table and a sentence.
 
 use crate::candidate::{Candidate, LONGER};
 use crate::judge::{Score, Standard, Tried};

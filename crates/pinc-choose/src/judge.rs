@@ -340,7 +340,7 @@ pub(crate) mod tests {
     }
 
     #[test]
-    fn shortfalls_are_said() {
+    fn shortfalls_are_reported() {
         let all = [rk4(16, 100.0, 50.0, 1e-9)];
         let standard = standard(&all, None);
         let Ok(score) = &all[0].result else { panic!("a score") };

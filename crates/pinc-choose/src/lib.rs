@@ -4,8 +4,8 @@
 //! Integrators by their substeps and nets by their size are [`Candidate`]s. A [`Search`] says which
 //! is tried next, the best guesses first, and judges what came of it by the [`Standard`] of the
 //! most exact integrator: by the IAE, the violations of bounds, and the time of a control step.
-//! What trying a candidate takes, a program hands in as [`Loops`]. [`Advice`] is what was found, in
-//! words, and [`Advice::config`] as a config.
+//! The caller tries candidates through [`Loops`]. [`Advice`] gives the result in words, and
+//! [`Advice::config`] as a config.
 
 #![forbid(unsafe_code)]
 

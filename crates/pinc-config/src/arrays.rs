@@ -5,8 +5,8 @@
 //!
 //! In a list for a plant with arrays there is one entry per array, or one per element.
 //!
-//! Where the plant has the states `T[20]` and `E`, a list of states is `[300.0, 0.0]`, the first
-//! number for all elements of `T`, or `[[300.0, 301.0, ..], 0.0]`, or has 21 numbers.
+//! For a plant with the states `T[20]` and `E`, a list of states is `[300.0, 0.0]`, with the first
+//! number for all elements of `T`, or `[[300.0, 301.0, ..], 0.0]`, or a list of 21 numbers.
 
 use crate::layers;
 use crate::plant::PlantSpec;

@@ -1,4 +1,4 @@
-//! What a config file says, as types, and how one is read.
+//! The types of a config file, and how one is read.
 
 use crate::arrays::{self, AsWritten};
 use crate::control::ControlSpec;

@@ -98,7 +98,7 @@ impl RunList {
                 if all.iter().any(|(_, other)| *other == dir) {
                     let problem = Problem::Value {
                         found: format!("{} once more", dir.display()),
-                        expected: "each name with each preset once".to_owned(),
+                        expected: "each pair of name and preset once".to_owned(),
                     };
                     let origin = Origin::File { path: path.to_owned(), line: 1 };
                     let (key, problem) = (format!("runs[{i}]"), Box::new(problem));

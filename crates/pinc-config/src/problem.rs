@@ -1,4 +1,4 @@
-//! What can be wrong with a config, and where it stands.
+//! Mistakes in a config, with their place.
 
 use pinc_expr::{Excerpt, ExpressionError};
 use pinc_ode::Variable;

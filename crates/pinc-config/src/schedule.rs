@@ -1,4 +1,4 @@
-//! What changes during a closed loop: parameters and bounds.
+//! Parameters and bounds that change during a closed loop.
 
 use crate::experiment::step_at;
 use crate::sampled::BOUNDS;

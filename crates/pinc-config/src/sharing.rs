@@ -88,7 +88,7 @@ mod tests {
     }
 
     #[test]
-    fn nothing_is_said_where_no_parameter_differs() {
+    fn nothing_is_reported_where_no_parameter_differs() {
         assert_eq!(nets_of_parameters(&oscillators("")[..1]), None);
         assert_eq!(nets_of_parameters(&[]), None);
     }

@@ -55,7 +55,7 @@ impl SlurmSpec {
                     spec.modules = modules;
                 }
                 (key, _) if OWN.contains(&key) => {
-                    return wrong("another option: this one is set by the scripts");
+                    return wrong("another option: the scripts set this one");
                 }
                 (key, _) if !is_option(key) => {
                     return wrong("the long name of an option of sbatch, as `partition` or `time`");
@@ -107,7 +107,7 @@ mod tests {
     }
 
     #[test]
-    fn options_are_those_of_sbatch_and_nothing_else_gets_into_a_script() {
+    fn only_options_of_sbatch_get_into_a_script() {
         let spec = of("jobs = 8\npartition = \"short\"\ntime = \"02:00:00\"\ncpus-per-task = 4\n\
                        modules = [\"gcc/12\", \"openmpi\"]")
         .unwrap();

@@ -137,7 +137,7 @@ impl SweepSpec {
         for (place, key) in search.keys() {
             may_be_swept(&place, key)?;
             if !known.insert(key) {
-                let expected = "a key that nothing else of the grid and the search sets";
+                let expected = "a key that no other part of the grid and the search sets";
                 return wrong(&place, &format!("{key:?}"), expected);
             }
         }
@@ -154,12 +154,12 @@ impl SweepSpec {
         let listed = cases.map(|named| (0, named)).chain(draws.map(|named| (1, named)));
         for (list, (key, name)) in listed {
             if name.starts_with(['=', '+', '-', '@']) || name.contains(char::is_control) {
-                let expected = "a name that no spreadsheet takes for a formula: without =, +, - or @ at \
-                                its beginning, and without control characters";
+                let expected = "a name without control characters that does not begin with =, +, - or @, \
+                                which start formulas in spreadsheets";
                 return wrong(&key, &format!("{name:?}"), expected);
             }
             if !taken[list].insert(name) {
-                return wrong(&key, &format!("{name:?}"), "another name than those before");
+                return wrong(&key, &format!("{name:?}"), "a name that no earlier one has");
             }
         }
         Ok(())
@@ -188,7 +188,7 @@ fn may_be_swept(place: &str, key: &str) -> Result<(), (String, Problem)> {
     let instead = match top {
         "preset" => "another key: a preset is chosen for the sweep as a whole",
         "seed" => "another key: seeds are listed in sweep.seeds",
-        "name" | "sweep" => "a key of what a trial runs",
+        "name" | "sweep" => "a key of the experiment that a trial runs",
         _ => return Ok(()),
     };
     wrong(place, &format!("{key:?}"), instead)

@@ -1,4 +1,4 @@
-//! What is measured, and where disturbances enter.
+//! The measured quantities, and the places of disturbances.
 
 use std::fmt;
 

@@ -1,4 +1,4 @@
-//! What can go wrong when an estimator is put together.
+//! Errors of putting an estimator together.
 
 use crate::Measured;
 use pinc_qp::QpError;

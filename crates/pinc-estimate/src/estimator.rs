@@ -1,4 +1,4 @@
-//! What all estimators have in common.
+//! The interface of all estimators.
 
 use crate::error::check;
 use crate::{EstimateError, Gate};

@@ -1,15 +1,15 @@
 #![doc = include_str!("../README.md")]
 //! # Tour
 //!
-//! - [`Augmented`]: a model whose state is what an estimator estimates, and whose outputs are what
-//!   is measured; made of a model and an [`Augmentation`]. [`Compensated`] is the model of the
-//!   controller that uses the estimates.
+//! - [`Augmented`]: a model with an [`Augmentation`]. Its state holds everything that is estimated,
+//!   its outputs everything that is measured. [`Compensated`] is the controller's model with the
+//!   estimates.
 //! - [`Estimator`]: the interface of the estimators [`Ekf`] (with a linear model, the Kalman
 //!   filter), [`Ukf`] and, with bounds, [`Mhe`].
 //! - [`OutputFeedback`]: sensors and an estimator in a [`ClosedLoop`](pinc_loop::ClosedLoop).
-//! - [`SteadyTarget`]: what can be held of a reference under estimated disturbances.
+//! - [`SteadyTarget`]: the steady state nearest to a reference under estimated disturbances.
 //!
-//! A status is a value, for a controller needs an estimate however a step ends; an
+//! A failed step is a status, not an error, because a controller needs an estimate in any case. An
 //! [`EstimateError`] means that the parts do not fit together.
 
 #![forbid(unsafe_code)]

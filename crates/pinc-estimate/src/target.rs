@@ -16,9 +16,9 @@ const CHANGE: f64 = 1e-6;
 /// and outputs loses a factor of about [`INPUTS`] (the method of multipliers).
 const ROUNDS: usize = 4;
 
-/// The steady state x = F(x, u, p) within the bounds of a control problem that holds its reference
-/// best: the squared errors of states and outputs by Q are least, and among equals those of the
-/// inputs.
+/// The steady state x = F(x, u, p) that holds the reference of a control problem best within its
+/// bounds: it minimizes the squared errors of states and outputs by Q and, among equals, the errors
+/// of the inputs.
 ///
 /// With the reference moved there, references of inputs and of more quantities than there are
 /// inputs do not draw the others away: with an estimated disturbance as p the loop has no offset

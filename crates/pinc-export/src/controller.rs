@@ -1,4 +1,4 @@
-//! What is exported of a controller, and what cannot be.
+//! The exported parts of a controller, and the refusal of others.
 
 use crate::ExportError;
 use crate::error_c::NetError;

@@ -1,4 +1,4 @@
-//! What cannot be exported.
+//! Errors of exports.
 
 use pinc_estimate::EstimateError;
 use pinc_expr::ExpressionError;

@@ -8,7 +8,7 @@
 //! - [`net_to_fmu`], [`controller_to_fmu`], [`plant_to_fmu`]: the content of FMUs, which
 //!   [`archive`] packs.
 //!
-//! All of these give the content of files, [`GeneratedFile`]; writing them is up to the caller.
+//! All functions return the content of files ([`GeneratedFile`]); the caller writes them.
 
 #![forbid(unsafe_code)]
 

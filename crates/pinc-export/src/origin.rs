@@ -1,4 +1,4 @@
-//! Where an export comes from, and the comment that says so.
+//! The origin of an export, and the comment that states it.
 
 use pinc_net::PincNet;
 use pinc_ode::Variable;

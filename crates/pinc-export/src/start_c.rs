@@ -1,4 +1,4 @@
-//! What a controller in C begins with: the input applied so far, its limits, and its references.
+//! The start of a controller in C: the input applied so far, its limits, and its references.
 
 use crate::ExportError;
 use crate::controller::Controller;

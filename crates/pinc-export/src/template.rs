@@ -118,7 +118,7 @@ mod tests {
     }
 
     #[test]
-    fn numbers_are_those_of_c() {
+    fn numbers_match_c() {
         assert_eq!([0.1, -2.0, 1e300, 5e-324].map(constant), ["0.1", "-2.0", "1e300", "5e-324"]);
         assert_eq!(constant(f64::NEG_INFINITY), "-INFINITY");
     }

@@ -79,7 +79,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_checksum_is_that_of_the_standard() {
+    fn the_checksum_matches_the_standard() {
         assert_eq!(checksum(b"123456789"), 0xcbf4_3926);
     }
 

@@ -51,8 +51,8 @@ typedef struct {
 @MEMORY@} pinc_estimator;
 
 /**
- * A controller with its estimator: all of their memory. Set up by pinc_feedback_init. A copy of it is
- * their state, as that of a pinc_mpc is the controller's.
+ * A controller with its estimator: all of their memory. Set up by pinc_feedback_init. A copy saves
+ * their state, as a copy of a pinc_mpc saves the controller's.
  */
 typedef struct {
     /** The controller, with its budget, and what its last step did. */
@@ -90,9 +90,9 @@ void pinc_feedback_reset_to(pinc_feedback *f, const PINC_REAL u[PINC_NU]);
 pinc_status pinc_feedback_set_applied(pinc_feedback *f, const PINC_REAL u[PINC_NU]);
 
 /**
- * Chooses the input u for a plant of which y was measured; what is missing in y is NaN. The
- * reference is that of pinc_mpc_step. The estimator goes on even if the reference is not finite;
- * its time is part of the step's budget.
+ * Chooses the input u for a plant of which y was measured; missing values of y are NaN. The
+ * reference has the form that pinc_mpc_step takes. The estimator makes its step even if the
+ * reference is not finite; its time is part of the step's budget.
  */
 pinc_status pinc_feedback_step(pinc_feedback *f, const PINC_REAL y[PINC_NM],
                                const PINC_REAL reference[PINC_N2 * PINC_NY],

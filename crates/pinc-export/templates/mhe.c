@@ -120,7 +120,7 @@ static pinc_estimate_status pinc_optimize(pinc_estimator *e)
         e->base = e->now;
         if (pinc_max(pinc_largest(e->step.x, count), pinc_largest(e->step.v, count)) <=
             PINC_NO_STEP) {
-            /* There is no better point nearby; the multipliers are those of the solution. */
+            /* There is no better point nearby; the multipliers belong to the solution. */
             pinc_go(e, PINC_N(1));
             return pinc_ended(e);
         }

@@ -1,8 +1,8 @@
 /* ---- Its solution -------------------------------------------------------------------------- */
 
 /* A Kalman filter through the stages, and the smoother of Bryson and Frazier back. A state that is
-   held at a bound is measured to be there, without noise: the multiplier of that row is that of the
-   bound. A dual active-set method says which states are held. */
+   held at a bound is measured to be there, without noise: the multiplier of this row is the bound's.
+   A dual active-set method says which states are held. */
 
 /* What is left of a variance below this part of the largest is rounding. */
 #define PINC_NOTHING_LEFT PINC_PICK(1e-14, 1e-6)
@@ -277,8 +277,8 @@ static int pinc_furthest(const pinc_estimator *e, int *side)
     return furthest;
 }
 
-/* The row whose multiplier is 0 first on the way from those before to those of the step, but not
-   the one that comes in; or -1. Writes at which part of the way. */
+/* The row whose multiplier is the first to become 0 on the way to the multipliers of the step, except
+   the row that comes in; or -1. Writes the part of the way. */
 static int pinc_first_at_zero(const pinc_estimator *e, int in, PINC_REAL *part)
 {
     const int count = pinc_staged(e);

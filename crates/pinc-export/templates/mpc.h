@@ -178,8 +178,8 @@ typedef struct {
     /** How many quadratic programs the last step solved. */
     int iterations;
     /**
-     * The KKT residual that the last step ended with; of a plan that there was no budget to judge,
-     * that of the one before.
+     * The KKT residual at the end of the last step; if there was no budget to judge its plan, the
+     * residual of the plan before.
      */
     PINC_REAL kkt;
     /** Whether the last input is of the plan that the step ended with. */

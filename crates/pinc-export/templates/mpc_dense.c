@@ -387,7 +387,7 @@ static int pinc_worst(const pinc_dense *s, pinc_row *worst)
 }
 
 /* A working row's rate times the length of its normal: a number in the units of the row whose
-   multiplier changes, whatever those of the working row. */
+   multiplier changes, whatever the units of the working row. */
 static PINC_REAL pinc_rate_length(const pinc_dense *s, int k)
 {
     const PINC_REAL *column = s->r + (k * PINC_INPUTS);

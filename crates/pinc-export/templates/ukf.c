@@ -5,7 +5,7 @@
    still, points of a widened covariance would leave what the model is made for. */
 #define PINC_ALPHA_2 PINC_PICK(1e-6, 0.1)
 #define PINC_SPREAD_2 (PINC_ALPHA_2 * PINC_N(@NZ@))
-/* The weights of the outer points, and that of the middle one in covariances (beta = 2). */
+/* The weights of the outer points, and of the middle one in covariances (beta = 2). */
 #define PINC_PAIR (PINC_N(0.5) / PINC_SPREAD_2)
 #define PINC_MIDDLE                                                                                \
     (((PINC_SPREAD_2 - PINC_N(@NZ@)) / PINC_SPREAD_2) + PINC_N(1) - PINC_ALPHA_2 + PINC_N(2))

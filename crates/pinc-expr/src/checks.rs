@@ -1,4 +1,4 @@
-//! What equations must satisfy before their expressions are read.
+//! Checks of equations before their expressions are read.
 
 use crate::{Equations, ExpressionError, ExpressionProblem, Start, lexer, parser};
 use pinc_ode::Variable;

@@ -1,4 +1,4 @@
-//! What can be wrong with the equations of a plant.
+//! Errors in the equations of a plant.
 
 use std::ops::Range;
 use thiserror::Error;

@@ -7,8 +7,8 @@
 //! - [`TimeFunction`]: a function of the time as text.
 //! - [`Listing`]: the right-hand side as instructions, for generated code.
 //! - [`AlgebraicEquations`]: algebraic variables, solved by Newton's method in a box.
-//! - [`CriticalTerms`]: divisors and arguments on which it depends where an equation is smooth.
-//! - [`ExpressionError`]: what is wrong with an equation, with the piece of text.
+//! - [`CriticalTerms`]: the divisors and arguments that decide where an equation is smooth.
+//! - [`ExpressionError`]: a mistake in an equation, with the piece of text.
 
 #![forbid(unsafe_code)]
 

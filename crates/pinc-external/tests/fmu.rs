@@ -152,7 +152,7 @@ fn compare(fmu: &Fmu, input: usize, order: [usize; 2]) {
 }
 
 #[test]
-fn jacobians_by_directional_derivatives_are_those_of_the_equation() {
+fn jacobians_by_directional_derivatives_match_the_equation() {
     for (version, description, [first, second], force) in
         [(2, TWO, ["x1", "x2"], "u"), (3, THREE, ["x[1]", "x[2]"], "w[2]")]
     {
@@ -198,7 +198,7 @@ fn a_step_begins_at_time_zero_with_the_parameters_given() {
 }
 
 #[test]
-fn derivatives_that_are_not_there_or_not_wanted_are_not_asked_for() {
+fn missing_or_unwanted_derivatives_are_not_asked_for() {
     let dir = tempfile::tempdir().unwrap();
     let path = fmu(dir.path(), 2, TWO);
     let at = Stages { x: &X[..2], u: &U[..1], p: &[] };

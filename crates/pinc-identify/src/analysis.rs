@@ -1,5 +1,5 @@
-//! What the linearization at the end says of the unknowns: intervals, correlations, and what is
-//! not determined.
+//! Analysis of the linearization at the end of a fit: intervals, correlations, and unknowns that the
+//! data do not determine.
 
 use crate::fit::Fit;
 use crate::problem::Problem;

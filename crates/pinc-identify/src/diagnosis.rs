@@ -1,4 +1,4 @@
-//! What there is to say of the data and the fit, in words.
+//! The diagnosis of data and fit, in words.
 
 use crate::analysis::Analysis;
 use crate::fit::{Fit, FitStatus};

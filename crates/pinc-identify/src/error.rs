@@ -1,4 +1,4 @@
-//! What can be wrong with a problem of identification or its data.
+//! Errors in a problem of identification or its data.
 
 use pinc_ode::Dims;
 use thiserror::Error;

@@ -1,4 +1,4 @@
-//! Whether a parameter that changes nothing measured where a fit ended acts elsewhere.
+//! Whether a parameter without influence at the end of a fit has some elsewhere.
 
 use crate::fit::Fit;
 use crate::points;

@@ -3,14 +3,14 @@
 //!
 //! - [`Problem`]: what is measured ([`Channel`]), what is unknown ([`Unknown`], [`InitialState`]),
 //!   and where the fit starts; [`Recording`]: the data.
-//! - [`identify`]: the fit, by single or multiple shooting, whichever is needed;
-//!   [`identify_from_starts`]: the same from many starts, of which the best is taken.
-//! - [`simulate_held_out`]: the fit on data that it has not seen.
-//! - [`Identified`]: values with intervals of 95 %, correlations, residuals, and in words what the
-//!   data do not determine and what looks wrong ([`Diagnosis`]).
+//! - [`identify`]: fits by single shooting or, if needed, by multiple shooting;
+//!   [`identify_from_starts`] fits from many starts and takes the best.
+//! - [`simulate_held_out`]: tests the fit on data that it has not seen.
+//! - [`Identified`]: values with 95 % intervals, correlations, residuals, and a [`Diagnosis`]: which
+//!   parameters the data do not determine, and what looks wrong.
 //!
-//! An [`IdentifyError`] means that the parts do not fit together. A poor fit is none: it is said in
-//! the findings.
+//! An [`IdentifyError`] means that the parts do not fit together. A poor fit is not an error; the
+//! diagnosis reports it.
 
 #![forbid(unsafe_code)]
 

@@ -1,4 +1,4 @@
-//! What is to be identified, of which data.
+//! A problem of identification: unknowns, measurements and data.
 
 use crate::IdentifyError;
 use crate::error::{length, numbers, places, rows};

@@ -1,4 +1,4 @@
-//! What was identified, and how far it can be trusted.
+//! The identified parameters, and how far they can be trusted.
 
 use crate::analysis::Analysis;
 use crate::diagnosis::{self, Diagnosis, Side};

@@ -54,7 +54,7 @@ mod tests {
 
     /// The table of any textbook.
     #[test]
-    fn the_quantiles_are_those_of_the_tables() {
+    fn the_quantiles_match_the_tables() {
         for (freedom, expected) in [
             (1, 12.706_205),
             (2, 4.302_653),

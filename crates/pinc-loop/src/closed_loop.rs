@@ -197,8 +197,8 @@ impl<'a> ClosedLoop<'a> {
         Self { bounds: Some(bounds), ..self }
     }
 
-    /// Gives the model the parameters of `p` step by step, and lets the controller know those of the
-    /// steps ahead.
+    /// Gives the model the parameters of `p` step by step; the controller also knows the parameters
+    /// of the steps ahead.
     #[must_use]
     pub fn with_known_parameters(self, p: Timetable) -> Self {
         Self { parameters: Some(p), ..self }

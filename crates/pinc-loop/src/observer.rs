@@ -1,4 +1,4 @@
-//! What supplies the state of a plant that is only measured.
+//! The source of the state, for a plant that is only measured.
 
 use std::fmt::Debug;
 

@@ -1,4 +1,4 @@
-//! Whether the references were reached.
+//! Whether a loop reached its references.
 
 use crate::ClosedLoop;
 use std::ops::Range;

@@ -66,7 +66,7 @@ fn van_der_pol() -> Case {
     )
 }
 
-/// That of the tanks, on their way up.
+/// The controller of the tanks, on their way up.
 fn four_tanks() -> Case {
     case(
         Box::new(Rk4::new(FourTanks::antonelo(), 10.0, 4)),

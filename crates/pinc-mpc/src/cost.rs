@@ -243,7 +243,7 @@ mod tests {
     }
 
     #[test]
-    fn the_tracking_weight_is_that_of_its_stage() {
+    fn the_tracking_weight_belongs_to_its_stage() {
         let problem = problem();
         let cost = cost_of(&problem);
         // Before N1, then twice Q, then the terminal weight.
@@ -253,7 +253,7 @@ mod tests {
     }
 
     #[test]
-    fn the_derivatives_are_those_of_the_definition() {
+    fn the_derivatives_match_the_definition() {
         let problem = problem();
         let dims = problem.ocp_dims(Dims::new(3, 2), &OutputRows::default());
         let cost = Cost::new(&problem, dims, &Nodes::new(&problem, dims));

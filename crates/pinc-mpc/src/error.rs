@@ -1,4 +1,4 @@
-//! What can go wrong with a control problem or a closed loop.
+//! Errors of a control problem or a closed loop.
 
 use crate::Tracked;
 use pinc_ode::OdeError;

@@ -1,4 +1,4 @@
-//! What a controller remembers of its plan.
+//! A controller's memory of its plan.
 
 use crate::memory::Memory;
 use crate::sqp::PlanState;

@@ -1,4 +1,4 @@
-//! How far a plan is from optimal.
+//! The distance of a plan from optimality.
 
 use crate::solution::Solution;
 use pinc_qp::{Limits, Multipliers, Qp, largest};

@@ -4,15 +4,15 @@
 //! - [`NmpcProblem`]: the optimization problem of the paper, Eqs. (MS:*), with its [`Weights`] and
 //!   [`Bounds`].
 //! - [`Nmpc`]: the controller. Each step solves the problem by Gauss-Newton sequential quadratic
-//!   programming, says how that ended ([`SqpStatus`]) and how good the plan is ([`KktResidual`]).
-//!   Other Gauss-Newton iterations can use its step length, [`BarzilaiBorwein`].
-//! - [`Reference`], [`Timetable`] and [`BoundSchedule`]: what changes with the steps and is known in
-//!   advance.
+//!   programming and returns how that ended ([`SqpStatus`]) and how good the plan is
+//!   ([`KktResidual`]). Other Gauss-Newton iterations can use its step length, [`BarzilaiBorwein`].
+//! - [`Reference`], [`Timetable`] and [`BoundSchedule`]: references, parameters and bounds that
+//!   change over the steps and are known in advance.
 //!
-//! Integrators and neural nets enter by the same trait: the crate does not know which one a model
-//! is. It prints nothing, opens no file and reads no clock.
+//! Integrators and neural nets implement one trait; the crate does not know which one a model is. It
+//! prints nothing, opens no file and reads no clock.
 //!
-//! A status is a value, since the plant needs an input however the optimization ends; an
+//! A failed optimization is a status, not an error, because the plant needs an input in any case. An
 //! [`MpcError`] means that the parts do not fit together.
 
 #![forbid(unsafe_code)]

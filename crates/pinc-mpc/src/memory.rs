@@ -1,4 +1,4 @@
-//! What a controller or an estimator knows from its past, as numbers.
+//! The memory of a controller or an estimator, as numbers.
 
 /// The memory of a controller or an estimator, saved as numbers or restored from them. Each part
 /// goes through its numbers once, in one order, for both directions.

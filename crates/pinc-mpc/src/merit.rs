@@ -166,7 +166,7 @@ mod tests {
     }
 
     #[test]
-    fn the_slope_is_that_of_the_function() {
+    fn the_slope_matches_the_function() {
         let qp = program();
         let mut step = QpStep::new(qp.dims);
         let mut solver = ChosenQp::new(&qp, QpMethod::Condensed).unwrap();

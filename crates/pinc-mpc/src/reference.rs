@@ -1,4 +1,4 @@
-//! What the tracked quantities are to follow.
+//! The references of the tracked quantities.
 
 use crate::MpcError;
 use crate::error::{check_numbers, check_range, check_setting};

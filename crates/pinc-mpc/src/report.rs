@@ -1,4 +1,4 @@
-//! What a control step reports.
+//! The report of a control step.
 
 use crate::constraint::Constraint;
 use crate::guard::Trust;

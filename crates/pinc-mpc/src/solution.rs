@@ -208,7 +208,7 @@ mod tests {
     }
 
     #[test]
-    fn one_number_that_is_none_is_noticed() {
+    fn one_value_that_is_not_a_number_is_noticed() {
         let dims = OcpDims {
             nx: 1,
             nu: 1,

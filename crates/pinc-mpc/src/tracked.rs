@@ -1,4 +1,4 @@
-//! What follows the references.
+//! The tracked quantities.
 
 use std::fmt;
 

@@ -1,4 +1,4 @@
-//! What a control step takes, counted.
+//! The counted work of a control step.
 
 use pinc_qp::QpWork;
 

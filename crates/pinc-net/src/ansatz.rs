@@ -1,4 +1,4 @@
-//! How the output of the perceptron becomes the state.
+//! The ansatz: from the output of the perceptron to the state.
 
 use pinc_ad::Scalar;
 use serde::{Deserialize, Serialize};

@@ -1,4 +1,4 @@
-//! How wrong one step of a model is all over a domain, and where it is worst.
+//! The error of one step of a model all over a domain, and its worst place.
 
 use crate::Domain;
 use crate::mlp::to_f64;

@@ -1,4 +1,4 @@
-//! What can go wrong with a net, its training and its file.
+//! Errors of a net, its training and its file.
 
 use pinc_ode::OdeError;
 use std::error::Error as StdError;

@@ -1,18 +1,18 @@
 #![doc = include_str!("../README.md")]
 //! # Tour
 //!
-//! A [`PincNet`] maps (t, y(0), u) to y(t) for t in \[0, T\] (Eq. `net_pred` of the paper); the net
-//! of a family of plants takes their parameters as further inputs. It is trained on the residual
-//! y' - f(y, u) of a [`pinc_ode::Plant`] at collocation points, chained over any horizon, and
-//! offered to a controller as a [`pinc_ode::Model`] ([`PincModel`]).
+//! A [`PincNet`] maps (t, y(0), u) to y(t) for t in \[0, T\] (Eq. `net_pred` of the paper). The net
+//! of a family of plants takes the plant's parameters as further inputs. Training minimizes the
+//! residual y' - f(y, u) of a [`pinc_ode::Plant`] at collocation points. A [`PincModel`] offers the
+//! net to a controller as a [`pinc_ode::Model`], chained over any horizon.
 //!
 //! - [`Training`] describes a training and runs it; a [`Trainer`] is one in progress, which can be
-//!   watched, interrupted and resumed;
-//! - [`Mlp::forward`], [`PincNet::state`] and [`reference_loss`] say what is computed, over any
-//!   scalar; [`BatchLoss`] computes it fast (SIMD lanes, threads); tests hold the two together;
-//! - a net may also be distilled from an accurate integration ([`TrainingTarget`]): same file, same
-//!   controller;
-//! - [`optim`] minimizes, a [`ValidationSet`] judges.
+//!   watched, interrupted and resumed.
+//! - [`Mlp::forward`], [`PincNet::state`] and [`reference_loss`] define the computation over any
+//!   scalar. [`BatchLoss`] does it fast, with SIMD lanes and threads; tests compare the two.
+//! - [`TrainingTarget`]: a net may also be distilled from an accurate integration. Its file and its
+//!   use are the same.
+//! - [`optim`]: the optimizers. [`ValidationSet`]: judges a net on other scenarios.
 
 #![forbid(unsafe_code)]
 

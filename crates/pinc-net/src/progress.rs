@@ -1,4 +1,4 @@
-//! What a training reports.
+//! The progress of a training.
 
 use serde::{Deserialize, Serialize};
 

@@ -205,7 +205,7 @@ mod tests {
     }
 
     #[test]
-    fn a_singular_matrix_is_told() {
+    fn a_singular_matrix_is_reported() {
         let mut band = Banded::default();
         band.set_pattern(&[1.0, 0.0, 0.0, 2.0], 2);
         assert!(!band.factorize(&[1.0, 0.0, 0.0, 2.0], 1.0));

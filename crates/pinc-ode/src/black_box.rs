@@ -385,7 +385,7 @@ mod tests {
     }
 
     #[test]
-    fn jacobians_that_the_flow_has_are_taken_and_where_they_fail_all_is_nan() {
+    fn jacobians_of_the_flow_are_used_and_failures_give_nan() {
         let black_box = BlackBox { flow: Arc::new(Known), ..lag(1.0) };
         let mut model = FlowModel::new(&black_box, 0.3);
         let (mut next, mut a, mut b) = ([0.0; 2], [0.0; 2], [0.0; 2]);

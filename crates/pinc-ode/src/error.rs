@@ -1,4 +1,4 @@
-//! What can go wrong with an integration or a signal.
+//! Errors of an integration or a signal.
 
 use crate::Integrator;
 use thiserror::Error;

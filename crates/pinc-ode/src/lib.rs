@@ -5,13 +5,13 @@
 //!   written once over [`pinc_ad::Scalar`]. [`DynRhs`] and [`DynPlant`] are plants with their type
 //!   erased.
 //! - [`Loaded`]: a plant with given parameters and loads.
-//! - [`Model`]: a discrete-time model x\[k+1\] = F(x\[k\], u\[k\], p) with its Jacobians, which is
-//!   all that a controller sees of a model. [`Rk4`] and [`Rk5`] are models made of a plant, the
-//!   Rosenbrock method for stiff plants is one ([`Integrator`]); a trained net is another.
-//! - [`AccurateIntegrator`]: the reference solutions that models are compared with. It is
-//!   [`Dopri5`], and an implicit method where the plant is stiff.
+//! - [`Model`]: a discrete-time model x\[k+1\] = F(x\[k\], u\[k\], p) with its Jacobians, all that a
+//!   controller sees of a model. [`Rk4`], [`Rk5`] and the Rosenbrock method for stiff plants
+//!   ([`Integrator`]) make a model of a plant; a trained net is another model.
+//! - [`AccurateIntegrator`]: gives the reference solutions for comparisons, by [`Dopri5`] or, on
+//!   stiff plants, by an implicit method.
 //! - [`PiecewiseConstant`], [`Trajectory`], [`metrics`]: inputs and references over time, sampled
-//!   solutions, and how good they are.
+//!   solutions, and measures of their errors.
 
 #![forbid(unsafe_code)]
 

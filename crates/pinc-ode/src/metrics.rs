@@ -1,4 +1,4 @@
-//! How far two signals are apart: the paper's IAE and RMSE, and mean squared errors.
+//! Distances between two signals: the paper's IAE and RMSE, and mean squared errors.
 
 /// Accumulates the tracking error `|y_ref - y|` over samples; one value serves both readings of the
 /// paper, which differ in what is sampled (at steps k, or on the dense trace) and in whether the

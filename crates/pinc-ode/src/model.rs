@@ -244,9 +244,8 @@ pub trait Model: Debug + Send {
     /// `x`, `next`: `nx`; `u`: `nu`; `p`: `np`.
     fn step(&mut self, x: &[f64], u: &[f64], p: &[f64], next: &mut [f64]);
 
-    /// Linearizes F at some points, which may be none. The results at a point do not depend on the
-    /// other points but for rounding, and the values may differ from those of [`Model::step`] by
-    /// rounding.
+    /// Linearizes F at any number of points. Up to rounding, the results at a point do not depend on
+    /// the other points, and the values equal the result of [`Model::step`].
     fn linearize(&mut self, at: Stages<'_>, out: Linearization<'_>);
 
     /// Writes h(x, u, p) into `y`: the states, if a model has no other outputs.

@@ -1,4 +1,4 @@
-//! What moves a plant's state in time as exactly as is possible: the truth of all comparisons.
+//! The plant's state in time, as exact as possible: the truth of all comparisons.
 
 use crate::{AccurateIntegrator, Dims, Dopri5, DynRhs, Flow, OdeError};
 use std::sync::Arc;

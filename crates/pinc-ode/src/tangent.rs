@@ -183,9 +183,9 @@ impl DynRhs for WithTangent {
         self.plant.explain(halves(x).0, halves(u).0, halves(p).0)
     }
 
-    /// Without the second derivatives of f, by which s depends on x. Only the implicit method asks,
-    /// and extrapolation has its orders with any matrix in place of the Jacobian; the eigenvalues,
-    /// on which its stability depends, are those of the whole.
+    /// The Jacobian without the second derivatives of f, by which s depends on x. Only the implicit
+    /// method asks for it, and extrapolation keeps its order with any matrix in place of the Jacobian.
+    /// Its stability depends on the eigenvalues, which are the full Jacobian's.
     fn jacobian(&self, x: &[f64], u: &[f64], p: &[f64]) -> Vec<f64> {
         let Dims { nx, nu, np, .. } = self.dims();
         let of_plant = self.plant.jacobian(halves(x).0, halves(u).0, halves(p).0);

@@ -67,7 +67,7 @@ impl Source {
         (path, self.text.clone(), self.sets.clone())
     }
 
-    /// That of some parts.
+    /// Makes a config of its parts.
     pub(crate) fn from_parts((path, text, sets): Parts) -> Self {
         Self { path: path.into(), text, sets }
     }

@@ -42,7 +42,7 @@ def test_a_batch_takes_the_steps_of_one_controller(smoke: Path, batch: pinc.Nmpc
     assert np.array_equal(batch.steps(x, whole, before).u, steps.u)
 
 
-def test_gradients_are_those_of_differences(smoke: Path, batch: pinc.NmpcBatch) -> None:
+def test_gradients_match_differences(smoke: Path, batch: pinc.NmpcBatch) -> None:
     x, reference, before = states(20), np.array([0.1, 0.0]), np.array([0.05])
     found = batch.gradients(x, reference, [1.0], before)
     regular = np.array([name == "regular" for name in found.regularity])
@@ -93,7 +93,7 @@ def test_one_controller_differentiates_its_last_plan(smoke: Path, batch: pinc.Nm
         one.sensitivity({"applied_input": [0.5, 0.5]})
 
 
-def test_loops_are_those_of_a_controller_and_the_plant(batch: pinc.NmpcBatch) -> None:
+def test_loops_match_a_controller_and_the_plant(batch: pinc.NmpcBatch) -> None:
     x = states(6)
     references = np.zeros((6, 15, 2))
     references[:, :, 0] = np.linspace(-0.3, 0.3, 6)[:, None]

@@ -12,7 +12,7 @@ casadi = pytest.importorskip("casadi")
 POINTS = np.random.default_rng(5).uniform([-2, -3, -1], [2, 3, 1], (20, 3))
 
 
-def test_values_and_jacobians_are_those_of_the_model(model: pinc.Model) -> None:
+def test_values_and_jacobians_match_the_model(model: pinc.Model) -> None:
     f = model.casadi("osc")
     assert (f.name(), f.name_in(), f.name_out()) == ("osc", ["x", "u"], ["x_next"])
     x, u = casadi.SX.sym("x", 2), casadi.SX.sym("u")

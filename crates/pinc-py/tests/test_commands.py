@@ -72,7 +72,7 @@ def test_parameters_are_identified_from_files_and_tables() -> None:
     assert found.frame.shape == (8, 7)
 
 
-def test_estimates_are_those_of_the_estimator() -> None:
+def test_estimates_match_the_estimator() -> None:
     data = columns(RECORDED.with_suffix(".csv"))
     found = pinc.estimate(RECORDED, data)
     assert set(found.rmse) == {"pA", "pB"} and found.rmse["pA"] < 0.5

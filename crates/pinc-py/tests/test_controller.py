@@ -78,7 +78,7 @@ def test_a_net_that_would_not_be_used_is_refused(smoke: Path, model: pinc.Model)
         pinc.Nmpc(smoke, model, only="rk4")
 
 
-def test_measured_parameters_are_those_of_the_step() -> None:
+def test_measured_parameters_match_the_step() -> None:
     y = [8.0, 12.0, 2.0, 3.0]
 
     def controller(key: str, value: object) -> pinc.Nmpc:
@@ -162,7 +162,7 @@ def test_an_estimator_is_taken_along(tmp_path: Path) -> None:
     assert controller.step([np.nan, np.nan]).estimator == "nothing-measured"
 
 
-def test_wrong_arguments_are_said_to_be_so_and_change_nothing(smoke: Path) -> None:
+def test_wrong_arguments_are_refused_and_change_nothing(smoke: Path) -> None:
     controller, other = (pinc.Nmpc(smoke, only="rk4") for _ in range(2))
     assert controller.step([0.5, 0.1]).u == other.step([0.5, 0.1]).u
     for y, given, message in [
@@ -183,7 +183,7 @@ def test_controllers_that_cannot_be_made_are_refused(
     smoke: Path, model: pinc.Model, tmp_path: Path
 ) -> None:
     for given, message in [
-        ({}, "a net that was trained"),
+        ({}, "a trained net"),
         ({"only": "none"}, "only: \"none\" given, expected one of pinc, rk4"),
         ({"only": "rosenbrock"}, "control.models"),
         ({"model": tmp_path / "none"}, "none"),

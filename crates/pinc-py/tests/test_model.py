@@ -33,7 +33,7 @@ def test_files_pickles_and_copies_are_the_same_model(model: pinc.Model, tmp_path
         assert np.array_equal(other.step(X, U), model.step(X, U))
 
 
-def test_the_jacobians_are_those_of_the_step(model: pinc.Model) -> None:
+def test_the_jacobians_match_the_step(model: pinc.Model) -> None:
     following, a, b = model.linearize(X, U)
     assert (following.shape, a.shape, b.shape) == ((20, 2), (20, 2, 2), (20, 2, 1))
     assert np.allclose(following, model.step(X, U), rtol=0, atol=1e-13)
@@ -72,7 +72,7 @@ def test_a_free_run_is_step_after_step(model: pinc.Model) -> None:
     assert model.predict([0.5, -0.2], np.empty((0, 1))).shape == (1, 2)
 
 
-def test_the_free_run_is_that_of_the_program(done: pinc.Run, model: pinc.Model) -> None:
+def test_the_free_run_matches_the_program(done: pinc.Run, model: pinc.Model) -> None:
     table = done.prediction
     states = [np.stack([table[f"{kind}{name}"] for name in ("x1", "x2")], axis=1)
               for kind in ("", "true_") if f"{kind}x1" in table]
@@ -92,7 +92,7 @@ def test_inner_times(model: pinc.Model) -> None:
             model.evaluate(t, X, U)
 
 
-def test_wrong_arguments_are_said_to_be_so(model: pinc.Model) -> None:
+def test_wrong_arguments_are_refused(model: pinc.Model) -> None:
     for x, u, message in [
         ([1.0], [0.0], r"x: an array of shape \(1,\) given, expected 2 numbers \(x1, x2\)"),
         ([1.0, 0.0], [0.0, 1.0], r"u: an array of shape \(2,\) given"),

@@ -76,7 +76,7 @@ def test_many_points_are_the_same_as_one_by_one(smoke: Path) -> None:
     assert all(np.array_equal(together[k], model.step(x[k], u[k])) for k in range(0, 1000, 37))
 
 
-def test_wrong_arguments_are_said_to_be_so(smoke: Path) -> None:
+def test_wrong_arguments_are_refused(smoke: Path) -> None:
     plant = pinc.Plant(smoke)
     for call, message in [
         (lambda: plant.derivative([1.0], 0.0), r"expected 2 numbers \(x1, x2\)"),

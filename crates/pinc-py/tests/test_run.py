@@ -36,7 +36,7 @@ def test_tables_are_frames_too(done: pinc.Run) -> None:
     assert frame["status"].iloc[0] == "converged" and len(frame) == 10
 
 
-def test_what_is_not_there_is_said_to_be_so(done: pinc.Run, tmp_path: Path) -> None:
+def test_what_is_missing_is_named(done: pinc.Run, tmp_path: Path) -> None:
     with pytest.raises(pinc.InputError, match="no run directory"):
         pinc.Run(tmp_path)
     with pytest.raises(pinc.InputError, match="pinc, rk4; name one"):

@@ -152,7 +152,7 @@ def test_stepped_by_hand_a_changed_controller_gives_the_inputs_of_its_loop(
     assert largest_difference(Loop(*CHANGED[what]), tmp_path) < 1e-9
 
 
-def test_measured_parameters_are_those_of_the_schedule(tmp_path: Path) -> None:
+def test_measured_parameters_match_the_schedule(tmp_path: Path) -> None:
     changed = {"k1": 3.0, "k2": 2.9}
     at = 5  # the step
     loop = Loop(

@@ -11,7 +11,7 @@ import pytest
 import pinc_nmpc as pinc
 
 
-def test_the_net_is_that_of_a_run(smoke: Path, done: pinc.Run) -> None:
+def test_the_net_matches_the_net_of_a_run(smoke: Path, done: pinc.Run) -> None:
     seen: list[pinc.TrainingProgress] = []
     trained = pinc.train(smoke, progress=seen.append)
     assert trained.model.to_bytes() == done.model.to_bytes()
@@ -84,7 +84,7 @@ def test_ctrl_c_ends_it(smoke: Path) -> None:
     timer.join()
 
 
-def test_bad_configs_are_said_to_be_so(smoke: Path, tmp_path: Path) -> None:
+def test_bad_configs_are_refused(smoke: Path, tmp_path: Path) -> None:
     text = smoke.read_text(encoding="utf-8")
     for config, overrides, message in [
         (tmp_path / "none.toml", None, "none.toml"),

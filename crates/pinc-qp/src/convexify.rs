@@ -567,7 +567,7 @@ mod tests {
     }
 
     #[test]
-    fn eigenvalues_are_those_of_a_known_matrix() {
+    fn eigenvalues_match_a_known_matrix() {
         // Q diag(3, -1, 0.5) Q' with rotations Q.
         let (mut matrix, mut vectors) =
             (vec![3.0, 0.0, 0.0, 0.0, -1.0, 0.0, 0.0, 0.0, 0.5], vec![0.0; 9]);

@@ -1,4 +1,4 @@
-//! What solving takes, counted.
+//! The counted work of a solution.
 
 use std::ops::AddAssign;
 

@@ -1,4 +1,4 @@
-//! Whether an estimator is surer of itself than it may be.
+//! The consistency of an estimator: errors against their claimed spread.
 
 use crate::metrics::{ControlMetrics, EstimatorMetrics};
 use crate::verdict::significant;
@@ -161,7 +161,7 @@ mod tests {
     /// The 0.05 % and 99.95 % quantiles of the chi-squared distribution with 300 degrees of freedom
     /// are 225.886 and 387.203.
     #[test]
-    fn the_interval_is_that_of_the_chi_squared_distribution() {
+    fn the_interval_matches_the_chi_squared_distribution() {
         let (low, high) = square(3.0, 100).interval().into_inner();
         assert!((low - 2.258_86).abs() < 1e-3 && (high - 3.872_03).abs() < 1e-3, "{low} {high}");
     }

@@ -1,4 +1,4 @@
-//! How wrong one step of a net is all over its training domain, in numbers and in words.
+//! The error of one step of a net all over its training domain, in numbers and in words.
 
 use crate::metrics::number_or_null;
 use pinc_net::DomainError;
@@ -292,7 +292,7 @@ mod tests {
     }
 
     #[test]
-    fn numbers_that_are_none_are_read_back() {
+    fn values_that_are_not_numbers_are_read_back() {
         let of = judged(vec![f64::INFINITY], f64::INFINITY);
         let text = serde_json::to_string(&of).unwrap();
         assert!(text.contains(r#""rk4":{"1":1.0,"2":null,"4":0.001}"#), "{text}");

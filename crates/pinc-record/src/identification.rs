@@ -332,7 +332,7 @@ mod tests {
     }
 
     #[test]
-    fn how_many_starts_ended_where_is_said() {
+    fn the_number_of_starts_per_end_is_reported() {
         let one = of("converged", &[(Some(2.0), "converged")]);
         assert!(one.starts_with("converged from a single start ("), "{one}");
         let several = [

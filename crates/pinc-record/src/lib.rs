@@ -1,18 +1,18 @@
 #![doc = include_str!("../README.md")]
 //! # Tour
 //!
-//! - [`RunDir`]: the directory of a run, with its [`Metrics`] and what went wrong in it.
+//! - [`RunDir`]: the directory of a run, with its [`Metrics`] and its failures.
 //! - [`TrainingRow`], [`DomainErrorTable`], [`PredictionTable`], [`ControlRow`], [`StepRow`],
 //!   [`EstimateTable`]: the tables of a run.
 //! - [`TrialTable`], [`SummaryTable`]: the tables of a sweep; [`SweepDir`]: where its trials are.
-//! - [`metric`]: the table of metrics, which the tables of sweeps, reports and comparisons read.
-//! - [`work`]: who does what of a sweep.
-//! - [`IdentificationMetrics`], [`ResidualTable`]: what was identified of a plant.
-//! - [`CertificateMetrics`]: what is known of the errors of one step of a model.
-//! - [`Provenance`]: where results come from.
-//! - [`Saved`]: a training to be resumed.
+//! - [`metric`]: the list of metrics that sweeps, reports and comparisons show.
+//! - [`work`]: which process works on which trial of a sweep.
+//! - [`IdentificationMetrics`], [`ResidualTable`]: results of an identification.
+//! - [`CertificateMetrics`]: proven and sampled errors of one step of a model.
+//! - [`Provenance`]: the version, processor and command that gave the results.
+//! - [`Saved`]: a training to resume.
 //!
-//! A table is written and read by the same type, which alone knows the names of its columns.
+//! One type writes and reads each table; only it knows the names of the columns.
 
 #![forbid(unsafe_code)]
 

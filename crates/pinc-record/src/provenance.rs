@@ -1,4 +1,4 @@
-//! Where results come from.
+//! The origin of results: version, processor, command.
 
 use crate::error::RecordError;
 use crate::files::{file, read_json};

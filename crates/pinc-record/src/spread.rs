@@ -1,4 +1,4 @@
-//! How a number varies over trials.
+//! The spread of a number over trials.
 
 /// The confidence that an interval of the median has where there are enough values for it.
 const CONFIDENCE: f64 = 0.95;

@@ -1,4 +1,4 @@
-//! What went wrong in closed loops, and what can be done about it.
+//! Failures of closed loops, and advice about them.
 
 use crate::consistency::{self, EstimatorFinding};
 use crate::metrics::{ControlMetrics, Metrics, is_failure};
@@ -355,7 +355,7 @@ mod tests {
     }
 
     #[test]
-    fn what_can_be_done_is_said_once_where_it_is_the_same() {
+    fn advice_is_given_once_where_it_is_the_same() {
         let fine = [(SqpStatus::Converged, 30)];
         let missed = |model| of(model, [Some(0.05), Some(0.02), Some(0.2)], &fine);
         let all = metrics(vec![missed(ModelKind::Pinc), missed(ModelKind::RK4)]);

@@ -62,7 +62,7 @@ fn caption(table: &DomainErrorTable, places: [usize; 2]) -> String {
     format!(
         "The largest error of the net after one step T among {} points all over the training \
          domain, by {across} and {up}, whatever the other variables are. The error of a state is \
-         measured in widths of its range in the domain. Light is a large error. From {}.",
+         measured in widths of its range in the domain. From {}.",
         text::count(table.errors.len()),
         file::DOMAIN_ERROR
     )

@@ -1,4 +1,4 @@
-//! What the estimator made of the measurements: estimates with their bands, and innovations.
+//! The estimates with their bands, and the innovations.
 
 use crate::data::{OfModel, Run};
 use crate::picture::Picture;

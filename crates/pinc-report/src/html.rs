@@ -6,7 +6,7 @@ use crate::picture::{Drawn, Picture};
 use crate::summary_text::sentences;
 use crate::{sweep, zoom};
 use pinc_chart::text::escape;
-use pinc_record::file;
+use pinc_record::{Metrics, file};
 
 const STYLE: &str = include_str!("style.css");
 
@@ -98,18 +98,20 @@ fn missing_tables(run: &Run) -> Vec<String> {
         tables.iter().map(|of| len(&of.table)).reduce(|a, b| a + b)
     }
     let experiment = &run.experiment;
-    let looped = experiment.control.is_some();
+    // A stage that did not run has no numbers, and no file is missing.
+    let ran = |numbers: fn(&Metrics) -> bool| run.metrics.as_ref().is_none_or(numbers);
+    let looped = experiment.control.is_some() && ran(|metrics| !metrics.control.is_empty());
     let files = [
         (
             file::TRAINING,
             "picture of the training",
-            experiment.training.is_some(),
+            experiment.training.is_some() && ran(|metrics| metrics.training.is_some()),
             run.training.as_ref().map(Vec::len),
         ),
         (
             file::PREDICTION,
             "free run",
-            experiment.prediction.is_some(),
+            experiment.prediction.is_some() && ran(|metrics| metrics.prediction.is_some()),
             run.prediction.as_ref().map(|table| table.rows.len()),
         ),
         ("control.csv", "closed loop", looped, rows(&run.control.loops, |table| table.rows.len())),
@@ -121,7 +123,6 @@ fn missing_tables(run: &Run) -> Vec<String> {
         ),
     ];
     let mut notes = Vec::new();
-    // A config without the section wants no such file.
     for (file, content, wanted, rows) in files {
         match rows {
             None if wanted => notes.push(format!("There is no {file}: the {content} is left out.")),

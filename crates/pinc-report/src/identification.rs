@@ -1,4 +1,4 @@
-//! What was identified of a plant: the fit against the data, the residuals, and the estimates.
+//! The identified plant: the fit against the data, the residuals, and the estimates.
 
 use crate::data::Run;
 use crate::number_tables::NumberTable;

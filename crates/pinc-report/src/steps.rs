@@ -1,4 +1,4 @@
-//! What the controller did in each step: time, iterations, residual.
+//! The controller in each step: time, iterations, residual.
 
 use crate::data::Run;
 use crate::picture::Picture;

@@ -1,4 +1,4 @@
-//! What every picture has to be like.
+//! Tests that every picture must pass.
 
 use pinc_chart::width_of;
 

@@ -225,7 +225,7 @@ mod tests {
     }
 
     #[test]
-    fn of_a_long_loop_there_are_some_rows_with_all_extremes_and_close_ups_are_whole() {
+    fn a_long_loop_is_thinned_to_rows_with_all_extremes_and_whole_close_ups() {
         let dir = tempfile::tempdir().unwrap();
         let path = Path::new("../../configs/smoke/van-der-pol.toml");
         let set = ["control.duration_s=5000.0", "control.close_ups_s=[[100.0, 110.0]]"];

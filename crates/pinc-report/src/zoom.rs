@@ -1,5 +1,5 @@
-//! What lets a reader zoom into the pictures of a page: uPlot and the script that hands it the
-//! curves, both inside the page.
+//! Zooming into the pictures of a page: uPlot and the script that passes it the curves, both inside
+//! the page.
 
 /// The style of pictures that can be zoomed.
 pub(crate) const STYLE: &str =

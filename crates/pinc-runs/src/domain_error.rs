@@ -1,4 +1,4 @@
-//! How wrong one step of a net is over the domain that it was trained on, beside RK4.
+//! The error of one step of a net over its training domain, beside RK4.
 
 use super::training_setup::TrainingSetup;
 use crate::RunError;

@@ -1,4 +1,4 @@
-//! What can go wrong with an experiment.
+//! Errors of an experiment.
 
 use pinc_config::{ConfigError, ModelKind};
 use pinc_estimate::EstimateError;
@@ -37,7 +37,7 @@ pub enum RunError {
     },
     /// No integrator makes a loop that others could be compared with.
     #[error(
-        "{name}: there is no model to choose, since no loop with an integrator stands{}: {reasons}",
+        "{name}: no model can be chosen, since no loop with an integrator succeeded{}: {reasons}",
         if *out_of_time { " so far (the time was up; --budget-s gives more)" } else { "" }
     )]
     NothingToChoose {
@@ -50,8 +50,8 @@ pub enum RunError {
     },
     /// The C compiler that makes the binary of an FMU is missing or failed.
     #[error(
-        "export: the FMU was not written, since the C compiler `cc` made no binary for it: \
-        {reason}. Install one, as the package `gcc`"
+        "export: the FMU was not written, since the C compiler `cc` failed: {reason}; install a C \
+        compiler, such as the package `gcc`"
     )]
     NoBinary {
         /// What the system or the compiler says.
@@ -97,7 +97,7 @@ pub enum RunError {
     /// A net whose states are no numbers.
     #[error(
         "{}:{line}: the net's {variable} is {value} at this row; the inputs or the initial state are too \
-         large for it, or it is damaged",
+         large for it, or the net is damaged",
         path.display()
     )]
     NotFinite {
@@ -146,8 +146,8 @@ pub enum RunError {
     Control(#[from] MpcError),
     /// Too many steps of a controller failed.
     #[error(
-        "the loop with {model} failed: {failed} of {steps} control steps did, and control.max_failed_share = \
-         {allowed} allows fewer; the results are kept"
+        "the loop with {model} failed: {failed} of {steps} control steps failed, more than \
+         control.max_failed_share = {allowed} allows; the results are kept"
     )]
     FailedSteps {
         /// The model in the controller.
@@ -176,7 +176,7 @@ pub enum RunError {
         table: PathBuf,
     },
     /// Some of several experiments ended with errors.
-    #[error("{failed} of {runs} experiments failed, as said above")]
+    #[error("{failed} of {runs} experiments failed; their errors are above")]
     FailedRuns {
         /// How many failed.
         failed: usize,
@@ -184,7 +184,7 @@ pub enum RunError {
         runs: usize,
     },
     /// Slurm, or what is to talk to it.
-    #[error("{program}: {said}; with --dry-run the scripts are written only")]
+    #[error("{program}: {said}; --dry-run writes the scripts without submitting them")]
     Slurm {
         /// The program that was called.
         program: String,
@@ -193,15 +193,15 @@ pub enum RunError {
     },
     /// A sweep that is submitted once more before its jobs are over.
     #[error(
-        "jobs of this sweep are still in Slurm's queue: {numbers}; wait until they are over, or \
-        `scancel {numbers}` first: what is done stays"
+        "jobs of this sweep are still in Slurm's queue: {numbers}; wait for them, or run \
+        `scancel {numbers}` first; finished trials are kept"
     )]
     Queued {
         /// Their numbers.
         numbers: String,
     },
     /// The user does not wait any longer.
-    #[error("the jobs go on; `pinc status {}` shows their progress", dir.display())]
+    #[error("the jobs continue; `pinc status {}` shows their progress", dir.display())]
     StillQueued {
         /// The run directory.
         dir: PathBuf,
@@ -339,8 +339,8 @@ impl RunError {
     /// The net is to be the model, and no file has it.
     pub(crate) fn no_model_file(name: &str, command: &str) -> Self {
         let problem = format!(
-            "`{command}` with the model `pinc` needs --model FILE, a net that was trained; \
-             `pinc train` makes one, and --only names another of the config's models"
+            "`{command}` with the model `pinc` needs a trained net: give --model FILE \
+             (`pinc train` makes one), or name another of the config's models with --only"
         );
         Self::usage(name, problem)
     }
@@ -358,7 +358,7 @@ impl RunError {
     /// A command for controllers whose parameters do not change.
     pub(crate) fn with_schedule(name: &str, command: &str, key: &str) -> Self {
         let problem = format!(
-            "`{command}` does not support {key}: remove the key, and set the values of now in \
+            "`{command}` does not support {key}: remove the key, and give the current values in \
              control.parameters"
         );
         Self::usage(name, problem)

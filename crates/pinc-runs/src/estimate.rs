@@ -45,7 +45,7 @@ impl fmt::Display for Estimated {
         }
         write!(f, ", consistent would be {nis_expected:.3}; {step_us:.2} us a step")?;
         if *failed > 0 {
-            write!(f, "; {failed} corrections did not succeed")?;
+            write!(f, "; {failed} corrections failed")?;
         }
         if *rejected > 0 {
             write!(f, "; {rejected} measurements rejected as too far from what was expected")?;

@@ -128,7 +128,7 @@ pub fn export_controller(
     let equations = experiment.plant.equations().map(|equations| equations.with_parameters(own));
     let (setup, estimated) = (chosen.setup(), &chosen.estimated);
     if chosen.spec.stages_s.is_some() {
-        let problem = "exported controllers have stages of one length; leave out \
+        let problem = "exported controllers have stages of one length: remove \
                        control.stages_s, or use `pinc serve`";
         return Err(RunError::usage(&experiment.name, problem));
     }

@@ -1,4 +1,4 @@
-//! What a resumed run finds in its directory: results without their files are made again.
+//! The results that a resumed run finds in its directory; those without their files are made again.
 
 use super::Plan;
 use crate::RunError;

@@ -1,4 +1,4 @@
-//! Whether a net is used outside the box that it was trained on.
+//! The guard against using a net outside its training box.
 
 use crate::RunError;
 use pinc_config::OutsidePolicy;

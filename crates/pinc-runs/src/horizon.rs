@@ -34,7 +34,7 @@ impl LoopSetup<'_> {
         let uncertain: Vec<usize> = spec.places(plant.parameters()).collect();
         let (mut places, mut more) = (uncertain.clone(), Vec::new());
         if let Some(of) = augmentation {
-            // Those of the controller's model are disturbances and estimates.
+            // The parameters of the controller's model are disturbances and estimates.
             places = (np..np + uncertain.len()).collect();
             more = uncertain.iter().map(|&place| of.parameters[place]).collect();
             let estimated = [&of.estimated[..], &uncertain].concat();

@@ -39,9 +39,8 @@ const LONGEST_GAP: f64 = 1e6;
 
 /// Identifies what `[identify]` of `experiment` asks for in the files `data`, and writes the run
 /// directory `dir`: `identify.json`, `residuals.csv`, `identified.toml` and the report. The model
-/// is `only`, or the net of the file `model`, if that is given, or RK4. The fit begins at `starts`
-/// points; if that is not given, at those of `[identify]`. Files that are held out do not take part
-/// in the fit, which is simulated on them.
+/// is `only`, or else the net of the file `model`, or else RK4. The fit begins at `starts` points, by
+/// default at `identify.starts`. Held-out files take no part in the fit; it is simulated on them.
 ///
 /// The data have the columns `t`, the inputs, which hold from a row to the next, and
 /// `y_<measured>`, read just before the input changes, of which cells may be empty; other columns

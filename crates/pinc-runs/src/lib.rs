@@ -3,13 +3,13 @@
 //!
 //! - [`run`], [`train`] (or [`train_watched`], which writes no files), [`control`], [`predict`],
 //!   [`estimate`], [`identify`], [`certify`], [`check`], [`compare`], [`rebuild_report`];
-//! - [`export_net`], [`export_controller`], [`export_plant`]: nets and controllers for
-//!   other programs; [`LiveController`] is a controller for a plant that is somewhere else, and
-//!   [`BatchController`] the same for many states at once;
-//! - [`train_shared`], [`run_trial`]: the parts of which sweeps consist.
+//! - [`export_net`], [`export_controller`], [`export_plant`]: nets, controllers and plants for other
+//!   programs;
+//! - [`LiveController`]: a controller for a plant outside the program; [`BatchController`]: a
+//!   controller for many states at once;
+//! - [`train_shared`], [`run_trial`]: the parts of a sweep.
 //!
-//! With pinc-bench, which is the program around it, this is the part of the project that writes to
-//! the terminal and reads a clock.
+//! Only this crate and pinc-bench write to the terminal and read a clock.
 
 #![forbid(unsafe_code)]
 

@@ -1,4 +1,4 @@
-//! What a long run shows while it works.
+//! The progress of a long run on the terminal.
 
 use crate::console;
 use indicatif::{ProgressBar, ProgressStyle};

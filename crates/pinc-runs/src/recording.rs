@@ -1,4 +1,4 @@
-//! What is kept of a closed loop while it runs: its files, written as it goes, and totals.
+//! The record of a closed loop while it runs: its files, written as it goes, and totals.
 
 use crate::RunError;
 use pinc_loop::{ClosedLoop, Control, StepRecord};

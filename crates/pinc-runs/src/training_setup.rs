@@ -1,4 +1,4 @@
-//! What a training is made from: the sections of the config, the plant, and recorded data.
+//! The parts of a training: sections of the config, the plant, and recorded data.
 
 use super::data::{self, Data};
 use crate::RunError;

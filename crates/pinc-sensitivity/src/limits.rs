@@ -1,4 +1,4 @@
-//! What limits do to a plan that moves: the active set, or its smoothed form.
+//! The effect of limits on a plan that moves: the active set, or its smoothed form.
 
 use pinc_qp::{Limits, Qp};
 

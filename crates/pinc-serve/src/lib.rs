@@ -109,7 +109,7 @@ impl Door {
                 Err(error) => return error,
             };
             if !self.enter() {
-                let error = "another client is served; connect again once it has left";
+                let error = "another client is connected; connect again when it has left";
                 if let Err(error) = writeln!(&stream, "{}", refusal(error)) {
                     tracing::debug!(%error, "a client that was sent away had left");
                 }

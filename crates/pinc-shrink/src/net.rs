@@ -140,7 +140,7 @@ mod tests {
     /// Values, derivatives along a direction and gradients in the weights agree with central
     /// differences.
     #[test]
-    fn derivatives_are_those_of_differences() {
+    fn derivatives_match_differences() {
         let mut random = ChaCha8Rng::seed_from_u64(3);
         let net = Net::new(vec![3, 5, 4, 2], &mut random);
         let mut drawn =

@@ -1,4 +1,4 @@
-//! What a controller and its tube tell each other.
+//! The exchange between a controller and its tube.
 
 use pinc_ode::{Dims, Stages};
 use std::fmt::Debug;

@@ -1,4 +1,4 @@
-//! What is uncertain.
+//! The sources of uncertainty.
 
 use crate::TubeError;
 use pinc_ode::{Dims, Model};
@@ -41,8 +41,8 @@ pub trait StageError: Debug + Send {
     fn write(&mut self, x: &[f64], u: &[f64], p: &[f64], error: &mut [f64]);
 }
 
-/// The model that intervals and outputs are evaluated with. Its parameters are the controller's,
-/// then those of `more`.
+/// The model that evaluates intervals and outputs. Its parameters are the controller's, followed by
+/// `more`.
 #[derive(Debug)]
 pub struct TubeModel {
     /// The model.

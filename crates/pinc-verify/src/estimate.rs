@@ -7,11 +7,11 @@
 //! e' = f(y, u) - f(z, u) + r = J(y, u) e + r(t) + O(|e|^2),       e(0) = y(0) - x
 //! ```
 //!
-//! so that e(T) = Phi(T, 0) e(0) + integral of Phi(T, s) r(s) ds. The residual of a trained net changes its sign
-//! several times in T, the Jacobian much less: the integral is a Gauss-Legendre quadrature, which is
-//! exact for residuals of degree 2 [`NODES`] - 1, and Phi is carried from node to node by the
-//! trapezoidal rule, which is stable for stiff equations as well. All nodes are known beforehand, so
-//! that net, equation and Jacobian are evaluated at all of them together, in the lanes of vectors.
+//! Hence e(T) = Phi(T, 0) e(0) + integral of Phi(T, s) r(s) ds. The residual of a trained net changes
+//! its sign several times within T, and the Jacobian changes slowly. The integral is therefore a
+//! Gauss-Legendre quadrature, exact for residuals of degree 2 [`NODES`] - 1, and the trapezoidal
+//! rule, which is stable for stiff equations too, carries Phi from node to node. All nodes are known
+//! in advance, so net, equation and Jacobian are evaluated at all nodes at once in SIMD lanes.
 
 use crate::VerifyError;
 use pinc_ad::simd::{Isa, Simd, Task, Work, tanh_all};

@@ -39,8 +39,8 @@ const TUBES: usize = 4;
 impl FlowArithmetic {
     /// In the variables of `space`, with powers of the time up to `order`.
     ///
-    /// All powers are found with the same fits of functions: the coefficients of a lower fit are
-    /// not those of Taylor's series.
+    /// All powers use the same fits of functions, because the coefficients of a lower fit differ from
+    /// Taylor's series.
     pub(crate) fn new(space: Basis, order: usize, isa: Isa) -> Self {
         let (full, degree) = (space.with_time(order), space.degree());
         let fit = if degree == 0 { order } else { degree.max(order.min(degree + 3)) };

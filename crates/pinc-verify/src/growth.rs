@@ -1,4 +1,4 @@
-//! How errors grow along a flow: the logarithmic norm, component by component.
+//! The growth of errors along a flow: the logarithmic norm, component by component.
 
 use crate::interval::Interval;
 use crate::rounding::{to_f64, up};
@@ -105,7 +105,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn growth_is_that_of_the_exponential() {
+    fn growth_matches_the_exponential() {
         // J = [-2 1; 0 3], h = 1: exp has e^-2, e^3 and (e^3 - e^-2) / 5.
         let jacobian = [[-2.0, -2.0], [-1.0, 1.0], [0.0, 0.0], [3.0, 3.0]];
         let jacobian = jacobian.map(|[low, high]| Interval { low, high });

@@ -1,30 +1,31 @@
 #![doc = include_str!("../README.md")]
 //! # Tour
 //!
-//! A [`StepError`] is one step of a model, a net or a Runge-Kutta method, beside the exact flow of
-//! the equation that it stands for. [`StepError::at_points`] encloses the error at points; a
-//! [`Search`] brackets the largest error over a whole box of states, inputs and parameters, between
-//! the largest found and a proven bound.
+//! A [`StepError`] compares one step of a model (a net or a Runge-Kutta method) with the exact flow
+//! of its equation. [`StepError::at_points`] encloses the error at points. A [`Search`] brackets the
+//! largest error over a whole box of states, inputs and parameters: between the largest error found
+//! and a proven bound.
 //!
 //! # How boxes are enclosed
 //!
-//! 1. The model is evaluated on Taylor models (Makino and Berz): polynomials of the variables with a
-//!    bound of what is missing. Functions are replaced by interpolants at Chebyshev nodes, with the
-//!    remainder that the Taylor coefficient of the next order gives.
-//! 2. The flow is a polynomial of time and variables from Picard iterations. Its defect is enclosed,
-//!    and propagated by the logarithmic norm of the Jacobian in a tube which the true solution is
-//!    proven not to leave.
-//! 3. The two polynomials are subtracted, and the difference is bounded.
+//! 1. The model is evaluated on Taylor models (Makino and Berz): polynomials of the variables with
+//!    bounded remainders. Interpolants at Chebyshev nodes replace functions; the Taylor coefficient
+//!    of the next order bounds their remainder.
+//! 2. Picard iterations give the flow as a polynomial of time and variables. Its defect is enclosed
+//!    and propagated by the logarithmic norm of the Jacobian, in a tube that provably contains the
+//!    true solution.
+//! 3. The difference of the two polynomials is bounded.
 //!
-//! A box whose bound is not good enough is cut in the variable that drives what is missing.
+//! If the bound of a box is too wide, the box is cut in the variable that contributes most to the
+//! remainders.
 //!
 //! # What a bound relies on
 //!
-//! The arithmetic rounds to nearest; bounds of the rounding errors are added to the remainders, so
-//! that no rounding mode is changed. Functions are computed from additions, multiplications and
-//! divisions, with errors that are argued. The model and the equation are those that the program
-//! holds, with constants as they are stored, in exact arithmetic: evaluating the model in floating
-//! point adds rounding errors, of the order of 1e-15 of the states.
+//! The arithmetic rounds to nearest, and bounds of the rounding errors are added to the remainders;
+//! no rounding mode is changed. Functions are computed from additions, multiplications and
+//! divisions, with derived error bounds. The bound holds for the model and the equation in exact
+//! arithmetic, with constants as the program stores them. Evaluating the model in floating point
+//! adds rounding errors of about 1e-15 of the states.
 
 #![forbid(unsafe_code)]
 

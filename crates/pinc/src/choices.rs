@@ -1,4 +1,4 @@
-//! What arguments of the command line can be chosen from.
+//! The values of command line arguments, and the arguments that several commands share.
 
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use pinc_bench::{OnSlurm, Shard};
@@ -13,7 +13,7 @@ use std::path::{Path, PathBuf};
 pub(crate) enum Outside {
     /// Continue, and report how often and how far.
     Report,
-    /// End there.
+    /// Stop there.
     Refuse,
 }
 
@@ -36,7 +36,7 @@ pub(crate) fn model_kind() -> impl TypedValueParser<Value = ModelKind> {
 /// What `pinc certify` judges.
 #[derive(Debug, clap::Args)]
 pub(crate) struct CertifyArgs {
-    /// Model file (safetensors) of the net that is judged.
+    /// Model file (safetensors) of the net.
     #[arg(long)]
     model: Option<PathBuf>,
     /// Judge an integrator instead of a net.
@@ -57,8 +57,7 @@ pub(crate) struct CertifyArgs {
     /// Time limit of the proof over the domain, in s.
     #[arg(long, value_name = "SECONDS", value_parser = seconds, requires = "domain")]
     budget_s: Option<f64>,
-    /// Check the certificate in the model file instead: its hashes, and its bounds by proving them
-    /// again.
+    /// Check the certificate in the model file instead: compare hashes and prove the bounds again.
     #[arg(long, requires = "model", conflicts_with_all = ["only", "points", "data", "of_run", "domain"])]
     verify: bool,
 }
@@ -84,8 +83,8 @@ impl CertifyArgs {
 /// Where a command's results go.
 #[derive(Debug, clap::Args)]
 pub(crate) struct RunArgs {
-    /// Run directory, by default `runs/` and the experiment's name; with several configs, the
-    /// directory above theirs.
+    /// Run directory; by default `runs/NAME` with the experiment's name. With several configs, the
+    /// folder that holds their run directories.
     #[arg(long, value_name = "DIR")]
     pub(crate) out: Option<PathBuf>,
     /// Resume the run in the run directory.
@@ -98,10 +97,10 @@ pub(crate) struct RunArgs {
 /// What a command overrides of its config.
 #[derive(Debug, clap::Args)]
 pub(crate) struct SetArgs {
-    /// Override a value of the config, as training.lambda=0.5 (repeatable).
+    /// Override a value of the config, such as training.lambda=0.5 (repeatable).
     #[arg(long = "set", value_name = "KEY=VALUE")]
     set: Vec<String>,
-    /// Take a key of the config away, as control.preview (repeatable); before any `--set`.
+    /// Remove a key from the config, such as control.preview (repeatable); applied before `--set`.
     #[arg(long = "unset", value_name = "KEY")]
     unset: Vec<String>,
 }
@@ -114,7 +113,7 @@ impl SetArgs {
     }
 }
 
-/// What runs a sweep in place of this process.
+/// Where a sweep runs, if not in this process.
 #[derive(Clone, Copy, Debug, clap::ValueEnum)]
 pub(crate) enum On {
     /// Slurm, which must be installed.
@@ -124,7 +123,7 @@ pub(crate) enum On {
 /// How a sweep is run.
 #[derive(Debug, clap::Args)]
 pub(crate) struct SweepArgs {
-    /// Run only a share of a sweep, as 3/8: the third of eight.
+    /// Run only a share of a sweep: 3/8 is the third of eight.
     #[arg(long, value_name = "K/N", value_parser = shard)]
     shard: Option<Shard>,
     /// Share a sweep with other processes that work in the same run directory.
@@ -133,19 +132,19 @@ pub(crate) struct SweepArgs {
     /// Discard the sweep's results in the run directory.
     #[arg(long, conflicts_with = "resume")]
     pub(crate) fresh: bool,
-    /// Submit a sweep as a job array of Slurm with a merge after it.
+    /// Submit a sweep to Slurm as a job array, followed by a merge.
     #[arg(long, value_enum, conflicts_with_all = ["shard", "shared"])]
     on: Option<On>,
-    /// How many jobs share the sweep.
+    /// Number of jobs that share the sweep.
     #[arg(long, requires = "on", value_parser = clap::value_parser!(u16).range(1..=10_000))]
     jobs: Option<u16>,
-    /// An option of sbatch, as partition=short or time=02:00:00, or modules=NAME,.. (repeatable).
+    /// An option of sbatch, such as partition=short or time=02:00:00, or modules=NAME,.. (repeatable).
     #[arg(long, value_name = "KEY=VALUE", requires = "on")]
     slurm: Vec<String>,
-    /// Write the scripts for Slurm and submit nothing.
+    /// Write Slurm's scripts without submitting them.
     #[arg(long, requires = "on")]
     dry_run: bool,
-    /// Wait for the jobs, and show their progress.
+    /// Wait for the jobs and show their progress.
     #[arg(long, requires = "on", conflicts_with = "dry_run")]
     wait: bool,
 }
@@ -177,7 +176,7 @@ fn shard(text: &str) -> Result<Shard, String> {
     }
 }
 
-/// What a net is exported to.
+/// A format of exports.
 #[derive(Clone, Copy, Debug, clap::ValueEnum)]
 pub(crate) enum To {
     /// C99 without dependencies.

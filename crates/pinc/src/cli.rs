@@ -24,10 +24,10 @@ use std::process::ExitCode;
 struct Cli {
     #[command(subcommand)]
     command: Command,
-    /// Show no progress and no results: errors only.
+    /// Print errors only.
     #[arg(long, global = true)]
     quiet: bool,
-    /// Allow a config's plant to be a program, which runs with your rights.
+    /// Allow the config's plant to be a program or an FMU, which runs with your rights.
     #[arg(long, global = true)]
     allow_process: bool,
 }
@@ -44,17 +44,17 @@ enum Command {
         #[command(flatten)]
         run: RunArgs,
     },
-    /// Show the progress of a sweep, and when it will end.
+    /// Show the progress of a sweep and the time left.
     Status {
         /// Run directory.
         dir: PathBuf,
     },
-    /// Collect the trials of sweeps of one config, run as shards, in one directory.
+    /// Merge the shards of a sweep into one directory.
     Merge {
         /// Directories of the shards.
         #[arg(required = true, value_name = "DIR")]
         parts: Vec<PathBuf>,
-        /// Directory to collect them in.
+        /// Directory of the merged sweep.
         #[arg(long, value_name = "DIR")]
         out: PathBuf,
     },
@@ -65,7 +65,7 @@ enum Command {
         #[command(flatten)]
         run: RunArgs,
     },
-    /// Predict with a trained net under given inputs, from CSV to CSV.
+    /// Run a trained net freely under given inputs, from CSV to CSV.
     Predict {
         /// Model file (safetensors).
         #[arg(long)]
@@ -79,14 +79,14 @@ enum Command {
         /// What to do where the net is evaluated outside its training domain.
         #[arg(long, value_enum, default_value = "report")]
         outside_domain: Outside,
-        /// Add a column per state: its estimated error against the plant in --config.
+        /// Add a column per state with its estimated error against the plant in `--config`.
         #[arg(long)]
         errors: bool,
-        /// Config (TOML) with that plant, by default `config.toml` beside the model.
+        /// Config (TOML) of the plant; by default `config.toml` beside the model.
         #[arg(long, requires = "errors")]
         config: Option<PathBuf>,
     },
-    /// Only run the closed loop; trains a net first if it needs one and none is given.
+    /// Only run the closed loop; train a net first if one is needed and none is given.
     Control {
         /// Config file (TOML).
         config: PathBuf,
@@ -103,16 +103,16 @@ enum Command {
     Estimate {
         /// Config file (TOML).
         config: PathBuf,
-        /// Data: columns t, the inputs, y_ and the name of each measured quantity.
+        /// Data: columns t, the inputs, and `y_NAME` for each measured quantity.
         #[arg(long)]
         data: PathBuf,
         /// Output: the filtered estimates with their standard deviations.
         #[arg(long)]
         output: Option<PathBuf>,
-        /// Model file (safetensors), to estimate with a net.
+        /// Model file (safetensors), if the estimator's model is a net.
         #[arg(long)]
         model: Option<PathBuf>,
-        /// The model to estimate with.
+        /// The estimator's model.
         #[arg(long, value_parser = model_kind())]
         only: Option<ModelKind>,
         #[command(flatten)]
@@ -122,23 +122,23 @@ enum Command {
     Identify {
         /// Config file (TOML).
         config: PathBuf,
-        /// Data: columns t, the inputs, y_ and the name of each measured quantity.
+        /// Data: columns t, the inputs, and `y_NAME` for each measured quantity.
         #[arg(long, required = true, num_args = 1.., value_name = "FILE")]
         data: Vec<PathBuf>,
-        /// Data that are held out: the fit is simulated on them and its error is said.
+        /// Held-out data: simulate the fit on them and print its error.
         #[arg(long, num_args = 1.., value_name = "FILE")]
         validate: Vec<PathBuf>,
-        /// Directory of the results, by default `runs/`, the experiment's name and `-identify`.
+        /// Directory of the results; by default `runs/NAME-identify` with the experiment's name.
         #[arg(long, value_name = "DIR")]
         out: Option<PathBuf>,
-        /// Model file (safetensors), to identify with a net of a family.
+        /// Model file (safetensors), if the fitted model is a net for a family.
         #[arg(long)]
         model: Option<PathBuf>,
-        /// The model to identify with.
+        /// The fitted model.
         #[arg(long, value_parser = model_kind())]
         only: Option<ModelKind>,
-        /// Number of starting points of the fit within the parameters' bounds, the config's start
-        /// included; by default `identify.starts`.
+        /// Number of starting points within the parameters' bounds, including the config's; by
+        /// default `identify.starts`.
         #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1000))]
         starts: Option<u16>,
         #[command(flatten)]
@@ -153,7 +153,7 @@ enum Command {
         #[command(flatten)]
         run: RunArgs,
     },
-    /// Export a trained net, or with a config its whole controller, to other programs.
+    /// Export a trained net, or a config's whole controller, to C, FMU, CasADi or ONNX.
     Export {
         /// Config file (TOML) of the controller; without one the net alone is exported.
         #[arg(required_unless_present = "model")]
@@ -164,13 +164,13 @@ enum Command {
         /// The controller's model, instead of the given net or the config's first model.
         #[arg(long, value_parser = model_kind(), requires = "config")]
         only: Option<ModelKind>,
-        /// What to export to.
+        /// The format.
         #[arg(long, value_enum)]
         to: To,
-        /// Directory of the files, by default `exports/`, the name and the target.
+        /// Directory of the files; by default `exports/NAME-TARGET`.
         #[arg(long, value_name = "DIR")]
         out: Option<PathBuf>,
-        /// Prefix of all names, by default the model file's or the experiment's name.
+        /// Prefix of all names; by default the model file's or the experiment's name.
         #[arg(long)]
         name: Option<String>,
         /// Export the config's plant instead of its controller, to test controllers.
@@ -182,37 +182,37 @@ enum Command {
         /// Write an FMU of FMI 3.0, with arrays as variables, instead of FMI 2.0.
         #[arg(long)]
         fmi3: bool,
-        /// Write a function for the estimated error of the net's step, to C; for a net alone against
+        /// Add a C function for the estimated error of the net's step. A net alone is judged against
         /// the plant of `config.toml` beside the model.
         #[arg(long, conflicts_with = "plant")]
         errors: bool,
         #[command(flatten)]
         set: SetArgs,
     },
-    /// Serve the controller as a process: one JSON object a line, from standard input to standard
+    /// Serve the controller as a process: one JSON object per line, from standard input to standard
     /// output.
     Serve {
         /// Config file (TOML).
         config: PathBuf,
-        /// Model file (safetensors) of the net that is the model.
+        /// Model file (safetensors), if the controller's model is a net.
         #[arg(long)]
         model: Option<PathBuf>,
-        /// The model, instead of the config's first.
+        /// The controller's model, instead of the config's first.
         #[arg(long, value_parser = model_kind())]
         only: Option<ModelKind>,
-        /// Serve clients at a port of this machine, one after the other, instead of standard input;
+        /// Serve clients on a port of this machine, one after the other, instead of standard input;
         /// port 0 takes a free one.
         #[arg(long, value_name = "127.0.0.1:PORT", value_parser = loopback)]
         listen: Option<SocketAddr>,
         #[command(flatten)]
         set: SetArgs,
     },
-    /// Choose the model for a config's loop: try integrators by substeps and nets by size, and write
-    /// the config with the cheapest one that is good enough.
+    /// Choose the model for a config's loop: try integrators and nets of several sizes, and write a
+    /// config with the cheapest good one.
     Choose {
         /// Config file (TOML).
         config: PathBuf,
-        /// Largest excess of a good loop's IAE over the most exact model's, as 1% or 0.01.
+        /// How far a good loop's IAE may exceed the most exact model's, as 1% or 0.01.
         #[arg(long, value_name = "SHARE", default_value = "1%", value_parser = share)]
         within: f64,
         /// Time limit, in s.
@@ -240,35 +240,33 @@ enum Command {
         /// Run directory.
         dir: PathBuf,
     },
-    /// Compare the configs and numbers of runs of one plant with the first run.
+    /// Compare runs of one plant: configs and numbers against the first run.
     Compare {
         /// Run directories, two or more.
         #[arg(required = true, num_args = 2.., value_name = "DIR")]
         dirs: Vec<PathBuf>,
-        /// Write a page with the tables and overlaid traces to FILE (HTML) instead of printing the
-        /// tables.
+        /// Write the tables and the overlaid traces to FILE (HTML) instead of printing the tables.
         #[arg(long, value_name = "FILE")]
         out: Option<PathBuf>,
     },
     /// Print the paper's tables beside the results of configs/paper.toml, in Markdown.
     Results {
-        /// Directory of the list's runs.
+        /// Directory with the runs.
         dir: PathBuf,
-        /// Write the page to FILE instead, with pictures in the directory of that name without
-        /// ending.
+        /// Write the page to FILE instead, and its pictures to a directory beside it.
         #[arg(long, value_name = "FILE")]
         out: Option<PathBuf>,
     },
-    /// Measure this machine: training kernel, models, controller. Takes about a minute.
+    /// Time the training kernel, models and controllers on this machine; takes about a minute.
     Bench {
         /// Print JSON instead of tables.
         #[arg(long)]
         json: bool,
-        /// Use small sizes and few repetitions: everything runs, but the times mean little.
+        /// Use small sizes and few repetitions; the times then mean little.
         #[arg(long)]
         quick: bool,
-        /// Only time loss and gradient of the Van der Pol net, and write one evaluation to FILE
-        /// (safetensors), for other programs to compute the same.
+        /// Only time the loss and gradient of the Van der Pol net, and write one evaluation to FILE
+        /// (safetensors) for comparison with other programs.
         #[arg(long, value_name = "FILE")]
         loss_gradient_file: Option<PathBuf>,
     },

@@ -1,9 +1,9 @@
 //! Physics-informed neural nets as the model inside nonlinear model predictive control (Antonelo et
 //! al., "Physics-Informed Neural Nets for Control of Dynamical Systems").
 //!
-//! This crate gives the libraries one name and holds the program `pinc`. You write an equation
-//! x' = f(x, u) once; an integrator or a net trained on that equation becomes a [`Model`](ode::Model); a controller
-//! uses any model.
+//! This crate re-exports the libraries and holds the program `pinc`. You write an equation
+//! x' = f(x, u) once; an integrator or a net trained on that equation becomes a
+//! [`Model`](ode::Model); a controller uses any model.
 //!
 //! | module | what it is for | feature |
 //! |---|---|---|
@@ -50,8 +50,8 @@
 //!
 //! # A controller
 //!
-//! A cart with quadratic drag, v' = u - v², is brought to 1 m/s by an input between 0 and 2 N/kg.
-//! RK4 with four substeps of each 0.5 s is the model:
+//! An input between 0 and 2 N/kg brings a cart with quadratic drag, v' = u - v², to 1 m/s. The model
+//! is RK4 with steps of 0.5 s and four substeps in each:
 //!
 //! ```
 //! use pinc::prelude::*;

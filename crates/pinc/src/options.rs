@@ -1,4 +1,4 @@
-//! How a command is called and interrupted.
+//! Options of a command, Ctrl-C, and the question before results are discarded.
 
 use pinc_bench::Kept;
 use pinc_config::{Experiment, Plants};
@@ -21,19 +21,18 @@ pub(crate) fn options(resume: bool, quiet: bool, arguments: &[String]) -> Option
 
 /// From now on, the first Ctrl-C asks the run to stop, and a second ends the program.
 fn catch_interrupts() -> &'static AtomicBool {
-    // Without a handler (there is one already, or the system has none) Ctrl-C ends the program: the
-    // last checkpoint is then what is left.
+    // If no handler can be set, Ctrl-C ends the program and leaves the last checkpoint.
     let _ = ctrlc::set_handler(|| {
         if INTERRUPT.swap(true, Ordering::Relaxed) {
             std::process::exit(1);
         }
-        console::note("stopping after this iteration (once more: at once)");
+        console::note("stopping after this iteration (press Ctrl-C again to stop at once)");
     });
     &INTERRUPT
 }
 
-/// The experiment that the net in the file `model` is judged against, if it is: of a config that is
-/// given, or of the one beside it.
+/// With `errors`, the experiment that the net in the file `model` is judged against: from `config`, or
+/// else from `config.toml` beside the model.
 pub(crate) fn judged(
     errors: bool,
     model: &Path,
@@ -45,7 +44,7 @@ pub(crate) fn judged(
     Ok(path.map(|path| Experiment::load(&path, &[], plants)).transpose()?)
 }
 
-/// Whether nothing of a sweep is lost if it begins now, or whoever is asked agrees.
+/// Returns an error if starting this sweep would discard results and the user does not agree.
 pub(crate) fn may_begin_afresh(experiment: &Experiment, dir: &Path) -> Result<(), RunError> {
     let Some(Kept { trials, nets }) = pinc_bench::kept(experiment, dir) else { return Ok(()) };
     let place = dir.display();
@@ -55,8 +54,8 @@ pub(crate) fn may_begin_afresh(experiment: &Experiment, dir: &Path) -> Result<()
         _ => Err(RunError::usage(
             place,
             format!(
-                "holds results of this sweep ({trials} trials, {nets} nets); --resume goes on with \
-                 them, --fresh throws them away"
+                "holds results of this sweep ({trials} trials, {nets} nets); --resume continues with \
+                 them, --fresh discards them"
             ),
         )),
     }

@@ -64,7 +64,7 @@ fn function_without_a_finite_difference_is_rejected() {
 }
 
 #[test]
-fn mismatch_says_what_is_wrong() {
+fn a_mismatch_is_named() {
     let mismatch = check_gradient(|v| v[0], &[0.0], &[2.0], TOLERANCE).unwrap_err();
     let text = mismatch.to_string();
     assert!(text.starts_with("derivative 0 is 2e0, its central difference"), "{text}");

@@ -62,7 +62,7 @@ fn equations_of_root() -> pinc_expr::Equations {
 }
 
 #[test]
-fn jumps_and_kinks_in_the_box_are_found_and_what_is_smooth_or_at_its_end_is_not() {
+fn jumps_and_kinks_in_the_box_are_found_and_smooth_terms_and_ends_are_not() {
     let region = region(2, &[-1.0, -3.0, -1.0], &[2.0, 3.0, 1.0]);
     let on = |force: &str| kinds(&plant(&["x", "v"], &["u"], &["v", force]), &region);
     assert_eq!(on("u - x - sign(v - 0.3)"), [(IrregularityKind::Jump, 1, 1, true)]);

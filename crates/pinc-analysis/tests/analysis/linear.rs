@@ -92,7 +92,7 @@ fn zeros_far_away_do_not_hide_the_near_ones() {
 }
 
 #[test]
-fn a_long_chain_has_no_zeros_before_its_output_and_those_behind_it() {
+fn a_long_chain_has_zeros_only_behind_its_output() {
     // x_1' = u - 2 x_1 + x_2, x_i' = x_(i-1) - 2 x_i + x_(i+1): the zeros of the path to x_5 are
     // the eigenvalues of the part behind x_5, -2 + 2 cos(k pi / 16), k = 1 to 15.
     let n: usize = 20;

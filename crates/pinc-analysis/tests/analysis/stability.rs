@@ -56,7 +56,7 @@ fn substeps_are_the_least_that_are_stable() {
 }
 
 #[test]
-fn the_error_of_a_step_of_a_linear_plant_is_that_of_its_polynomial() {
+fn the_error_of_a_step_of_a_linear_plant_matches_its_polynomial() {
     // x' = -x: a step of 1 leaves 3/8 instead of 1/e; x is equally distributed in [0, 1].
     let plant = plant(&["x"], &["u"], &["-x + 0*u"]);
     let region = Region::new(Dims::new(1, 1), vec![0.0, 0.0], vec![1.0, 1.0]);

@@ -55,7 +55,7 @@ fn stiff_rates_at_rest_are_rest() {
 }
 
 #[test]
-fn of_several_steady_states_the_one_in_the_region_is_taken() {
+fn the_steady_state_in_the_region_is_taken() {
     // With D = 0.2 also X = 0, S = 10, the washout, is at rest.
     let plant = chemostat("0.4*S/(0.1 + S)").compile().unwrap();
     let region = region(2, &[2.0, 0.0, 0.0], &[6.0, 3.0, 0.38]);

@@ -1,4 +1,4 @@
-//! What is measured: the paper's two plants, as the shipped configs have them.
+//! The measured cases: the paper's two plants, as the shipped configs have them.
 
 use pinc_config::{Experiment, Plants};
 use pinc_runs::RunError;
@@ -29,14 +29,12 @@ impl Case {
     /// The shipped closed loop, with `sets` over its values.
     pub(super) fn experiment(self, sets: &[&str]) -> Result<Experiment, RunError> {
         let (path, text) = match self {
-            Self::VanDerPol => (
-                "configs/van-der-pol/control.toml",
-                include_str!("../../../../configs/van-der-pol/control.toml"),
-            ),
-            Self::FourTanks => (
-                "configs/four-tanks/control.toml",
-                include_str!("../../../../configs/four-tanks/control.toml"),
-            ),
+            Self::VanDerPol => {
+                ("configs/van-der-pol/control.toml", include_str!("../../configs/van-der-pol.toml"))
+            }
+            Self::FourTanks => {
+                ("configs/four-tanks/control.toml", include_str!("../../configs/four-tanks.toml"))
+            }
         };
         let sets: Vec<String> = sets.iter().map(|&set| set.to_owned()).collect();
         Ok(Experiment::parse(Path::new(path), text, &sets, &Plants::built_in())?)

@@ -1,12 +1,12 @@
-//! One evaluation of loss and gradient as a file, for other programs to compute the same.
+//! One evaluation of loss and gradient as a file, for comparison with other programs.
 //!
-//! It is a model file (tensors and metadata of the net; interface of `model.safetensors`) with more
-//! tensors, all f64:
+//! It is a model file (a `model.safetensors` with the net's tensors and metadata) with more tensors,
+//! all f64:
 //!
 //! - `points.collocation`, `points.initial`: (t, y0, u) row by row;
 //! - `loss.lambda` `[1]`, `loss.residual_scale`, `loss.initial_scale` (one factor per state);
 //! - `loss.terms`: `MSE_y` and lambda `MSE_F`;
-//! - `loss.gradient`: their sum's derivative in the parameters, layer by layer, each
+//! - `loss.gradient`: the derivative of the sum of the terms in the parameters, layer by layer, each
 //!   layer's weights row by row, then its biases.
 //!
 //! The metadata also has `plant`.

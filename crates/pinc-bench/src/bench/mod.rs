@@ -5,7 +5,7 @@
 //! - `control`: the closed loops of the shipped configs;
 //! - `programs`: the quadratic programs in them.
 //!
-//! What each figure means is in `docs/benchmarks.md`.
+//! `docs/benchmarks.md` explains each figure.
 
 mod cases;
 mod control;

@@ -1,4 +1,4 @@
-//! What is measured, as data: the JSON of `pinc bench --json`.
+//! The measurements as data: the JSON of `pinc bench --json`.
 
 use pinc_net::Isa;
 use pinc_record::{Invocation, StepTimes};

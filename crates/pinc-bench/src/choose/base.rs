@@ -61,13 +61,13 @@ impl Base {
         let mut sources = Vec::new();
         match (&own.domain, is_steppable) {
             (None, _) => notes.push(
-                "no net was tried and no single step looked at, since neither [domain] nor bounds \
-                 of all states say where the plant may be"
+                "no net was tried and no error of one step measured, since there is neither a \
+                 [domain] nor bounds of all states"
                     .to_owned(),
             ),
             (Some(_), false) => notes.push(
-                "no net was tried and no single step looked at, since the plant cannot be \
-                 integrated over T from all over the domain"
+                "no net was tried and no error of one step measured, since the plant cannot be \
+                 integrated over T from everywhere in the domain"
                     .to_owned(),
             ),
             (Some(domain), true) => {
@@ -76,7 +76,10 @@ impl Base {
                     added += &net_sections(&own, domain, longest);
                     sources = sources_of(&own, stages.len() == 1);
                 } else {
-                    notes.push("no net was tried, since [model] is of one scenario".to_owned());
+                    notes.push(
+                        "no net was tried, since model.time_only makes nets for one scenario"
+                            .to_owned(),
+                    );
                 }
             }
         }

@@ -53,7 +53,7 @@ impl std::fmt::Display for Choice {
 ///
 /// # Errors
 ///
-/// [`RunError`] if the config has no closed loop, no loop with an integrator stands, or files
+/// [`RunError`] if the config has no closed loop, no loop with an integrator succeeds, or files
 /// cannot be written.
 pub fn choose(
     experiment: &Experiment,

@@ -283,8 +283,8 @@ impl<'a> Session<'a> {
         let mut trials: Vec<_> = self.trials.iter().map(of_trial).collect();
         let keeps_others_out = self.run_dir.keeps_others_out();
         if shared && !keeps_others_out && of == 1 {
-            let problem = "its file system has no locks, so that nobody knows what others work \
-                           on; give each process a share with --shard K/N";
+            let problem = "its file system has no locks, so processes cannot share the sweep's \
+                           trials; give each process its own with --shard K/N";
             return Err(RunError::usage(self.run_dir.dir().display(), problem));
         }
         if !(shared && keeps_others_out) {

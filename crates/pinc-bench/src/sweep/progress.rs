@@ -1,4 +1,4 @@
-//! What a sweep shows while it works: how many trials are over, and how long the rest will take.
+//! The progress of a running sweep: finished trials and the time left.
 
 use pinc_record::work::Estimate;
 use pinc_record::{Ending, WorkerNote};

@@ -1,4 +1,4 @@
-//! How far a sweep is, from its directory alone.
+//! The status of a sweep, from its directory alone.
 
 use super::progress::{now_s, span};
 use super::{effort_of_trainings, made};
@@ -91,7 +91,7 @@ impl Status {
     pub(crate) fn at_work(&self) -> String {
         let mut text = match (self.counts.pending(), self.processes) {
             (0, 0) => return "over".to_owned(),
-            (_, 0) => return "nobody works on it".to_owned(),
+            (_, 0) => return "no process works on it".to_owned(),
             (_, 1) => "at work: 1 process".to_owned(),
             (_, n) => format!("at work: {n} processes"),
         };

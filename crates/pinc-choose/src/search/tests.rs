@@ -170,7 +170,7 @@ fn a_small_net_that_fails_keeps_no_larger_one_from_being_tried() {
 }
 
 #[test]
-fn what_is_not_tried_is_said_with_the_reason() {
+fn what_is_not_tried_is_reported_with_the_reason() {
     // Good from 2x24 on, which takes more than twice as long as RK4.
     let (_, found) = order(99, |candidate| match candidate {
         Candidate::Integrator { integrator: Integrator::Rk4, .. } => Some((100.0, 2.0)),

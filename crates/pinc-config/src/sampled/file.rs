@@ -110,7 +110,7 @@ fn rows(text: &[u8]) -> Result<(Vec<String>, Rows), (u64, String)> {
     let header = reader.headers().map_err(|error| syntax(&error))?;
     let header: Vec<String> = header.iter().map(str::to_owned).collect();
     if let Some(twice) = (1..header.len()).find(|&i| header[..i].contains(&header[i])) {
-        return Err((1, format!("the column `{}` twice", header[twice])));
+        return Err((1, format!("the column `{}` more than once", header[twice])));
     }
     let mut rows = Vec::new();
     for row in reader.records() {

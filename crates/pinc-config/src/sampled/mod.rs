@@ -1,7 +1,6 @@
-//! Schedules as functions of t or as files: sampled at the control steps, and written out as the
-//! lists of steps that all else knows.
+//! Schedules given as functions of t or as files, sampled at the control steps into lists of steps.
 //!
-//! In place of a list of steps there may be a table by name,
+//! Instead of a list of steps, a config may have a table by name,
 //!
 //! ```toml
 //! [control.references]
@@ -9,7 +8,7 @@
 //! h2 = { file = "day.csv", interpolation = "linear" }        # its column `h2`, by its column `t`
 //! ```
 //!
-//! or a file alone, all of whose columns beside `t` are meant.
+//! or a file alone, of which all columns except `t` are taken.
 
 mod file;
 
@@ -126,8 +125,8 @@ fn grid(table: &Table) -> Result<Grid, String> {
     let (Some(sample_time_s), Some(duration_s)) =
         (length.filter(|s| *s > 0.0), duration.filter(|s| *s > 0.0))
     else {
-        return Err("a list of steps, or beside it the length of a step, control.step_s or \
-                    model.horizon_s, and control.duration_s, both positive"
+        return Err("a list of steps, or also a step, control.step_s or model.horizon_s, and \
+                    control.duration_s, both positive"
             .to_owned());
     };
     let steps = duration_s / sample_time_s;

@@ -52,7 +52,7 @@ fn has(variables: &[Variable], name: &str) -> bool {
 fn allowed(key: &str, found: &str, plants: &Plants) -> Checked {
     match plants.processes_are_allowed() {
         true => Ok(()),
-        false => value(key, found, "--allow-process on the command line, which lets it run"),
+        false => value(key, found, "--allow-process on the command line"),
     }
 }
 

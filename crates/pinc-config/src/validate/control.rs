@@ -139,7 +139,7 @@ fn close_ups(spec: &ControlSpec) -> Checked {
         let [from, to] = *window;
         if !(0.0 <= from && from < to && from < spec.duration_s) {
             let expected =
-                format!("[from, to], from 0 to {} s, the first one less", spec.duration_s);
+                format!("[from, to] within 0 to {} s, from less than to", spec.duration_s);
             return value(&format!("control.close_ups_s[{i}]"), format!("{window:?}"), &expected);
         }
     }
@@ -207,10 +207,14 @@ fn references(spec: &ControlSpec) -> Checked {
         let start = format!("{key}.start_s");
         match previous {
             None if step.start_s != 0.0 => {
-                return value(&start, step.start_s, "0, since the first reference begins the run");
+                return value(&start, step.start_s, "0: the run begins with the first reference");
             }
             Some(before) if step.start_s <= before => {
-                return value(&start, step.start_s, &format!("more than {before}, the one before"));
+                return value(
+                    &start,
+                    step.start_s,
+                    &format!("more than {before}, the start before it"),
+                );
             }
             _ => previous = Some(step.start_s),
         }

@@ -36,7 +36,7 @@ pub(super) fn expressions(
         return value("control.cost", "neither", expected);
     }
     if spec.sqp.real_time {
-        let expected = "false beside [control.cost], whose curvature is found by iteration";
+        let expected = "false with [control.cost], which needs more than one iteration";
         return value("control.sqp.real_time", true, expected);
     }
     let mut taken =
@@ -46,7 +46,7 @@ pub(super) fn expressions(
     for (name, number) in &cost.parameters {
         let key = format!("control.cost.parameters.{name}");
         if taken.contains(name) {
-            return value(&key, format!("the name `{name}`"), "a name that nothing else has");
+            return value(&key, format!("the name `{name}`"), "a name that is not taken");
         }
         if !number.is_finite() {
             return Err((key, Problem::NotFinite(*number)));

@@ -49,12 +49,12 @@ fn initial_state(spec: &IdentifySpec, variables: &Variables) -> Checked {
         (Some(state), None) => length("identify.initial_state", state, states, "state"),
         (None, Some(state)) => length("identify.fixed_initial_state", state, states, "state"),
         (Some(_), Some(_)) => {
-            let expected = "no such key beside identify.initial_state, which is one to start from";
+            let expected = "no such key with identify.initial_state, which is the first guess of an unknown one";
             value("identify.fixed_initial_state", "a state", expected)
         }
         (None, None) => {
-            let expected = "initial_state, where the estimate of an unknown one starts; or \
-                            fixed_initial_state, if it is known";
+            let expected = "initial_state, the first guess of an unknown one, or fixed_initial_state, \
+                            a known one";
             value("identify.initial_state", "nothing", expected)
         }
     }
@@ -107,7 +107,11 @@ fn parameters(experiment: &Experiment, spec: &IdentifySpec) -> Checked {
         let identified =
             spec.nets.iter().any(|net| parameter.name.split('[').next() == Some(&net.name));
         if identified {
-            return value(&key("name"), quoted, "no weight of a net of identify.nets");
+            return value(
+                &key("name"),
+                quoted,
+                "a parameter that is not a weight of identify.nets",
+            );
         }
         let low = parameter.low.unwrap_or(f64::NEG_INFINITY);
         let high = parameter.high.unwrap_or(f64::INFINITY);

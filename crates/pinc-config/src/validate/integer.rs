@@ -45,7 +45,7 @@ pub(super) fn whole(control: &ControlSpec, variables: &Variables) -> Checked {
 /// Steady-state targets.
 pub(super) fn target(control: &ControlSpec) -> Checked {
     if control.target && control.estimator.is_none() {
-        let needed = "control.target takes its disturbances";
+        let needed = "control.target needs its disturbances";
         return Err(("control.estimator".to_owned(), Problem::Section(needed)));
     }
     if control.target && control.controlled.is_empty() {

@@ -162,7 +162,7 @@ impl Experiment {
             present("validation", self.validation.is_some(), needed)?;
         }
         if let Some(data) = &self.data {
-            present("training", self.training.is_some(), "[data] is for a training")?;
+            present("training", self.training.is_some(), "[data] needs it")?;
             if self.is_distilled() {
                 let expected = "\"physics\" with [data]";
                 return value("training.source", "\"integrator\"", expected);
@@ -171,11 +171,11 @@ impl Experiment {
             names::unknown_parameters(self, data)?;
             let is_proven = self.training.as_ref().is_some_and(|t| !t.proven_tolerance.is_empty());
             if is_proven && !data.parameters.is_empty() {
-                let expected = "no such key with data.parameters, whose equation is not known";
+                let expected = "no such key with data.parameters: the equation is then not known";
                 return value("training.proven_tolerance", "a table", expected);
             }
             if self.model.as_ref().is_some_and(|model| model.time_only.is_some()) {
-                let expected = "no such key with [data], whose scenarios differ";
+                let expected = "no such key with [data], which has several scenarios";
                 return value("model.time_only", "a single scenario", expected);
             }
         }

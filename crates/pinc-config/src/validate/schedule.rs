@@ -18,7 +18,7 @@ pub(super) fn schedules(experiment: &Experiment, spec: &ControlSpec) -> Checked 
     let varying: Vec<String> = experiment.varying().into_iter().map(str::to_owned).collect();
     let own: Vec<String> = experiment.plant_in_the_loop().parameters().into_keys().collect();
     if !spec.parameter_schedule.is_empty() && spec.estimator.is_some() {
-        let expected = "no such key with [control.estimator], which says what parameters are";
+        let expected = "no such key with [control.estimator], which estimates parameters";
         return value("control.parameter_schedule", "a list", expected);
     }
     measured(spec, &varying)?;
@@ -67,7 +67,7 @@ fn bounds(spec: &ControlSpec, variables: &Variables) -> Checked {
                     return Err((key, Problem::Word { found, known, nearest }));
                 };
                 if !spec.bound(side, place).is_finite() {
-                    let expected = format!("a bound control.{side} of {name} for it to change");
+                    let expected = format!("a bound of {name} in control.{side} to start from");
                     return value(&key, number, &expected);
                 }
             }
@@ -77,7 +77,7 @@ fn bounds(spec: &ControlSpec, variables: &Variables) -> Checked {
     let problem = spec.problem(variables, 1.0);
     let fine = 1e-12 * spec.duration_s;
     let Err(error) = spec.bound_schedule(&problem, variables, fine) else { return Ok(()) };
-    value(BOUNDS, error, "no lower bound above its upper one, at any time")
+    value(BOUNDS, error, "lower bounds below upper bounds at all times")
 }
 
 /// Checks that the loop ends, and that everything in it begins and ends, with a step. Without T
@@ -115,11 +115,11 @@ fn loads(spec: &ControlSpec, variables: &Variables) -> Checked {
         if let Some(end_s) = load.end_s
             && end_s <= load.start_s
         {
-            let expected = format!("more than {}, where the load begins", load.start_s);
+            let expected = format!("more than {}, the start of the load", load.start_s);
             return value(&key("end_s"), end_s, &expected);
         }
         if load.inputs.is_empty() && load.rates.is_empty() {
-            let expected = "what it adds, as `inputs = { .. }` or `rates = { .. }`";
+            let expected = "what the load adds: `inputs = { .. }` or `rates = { .. }`";
             return value(&format!("control.loads[{i}]"), "nothing", expected);
         }
         for (table, found, known) in [
@@ -155,8 +155,11 @@ fn measured(spec: &ControlSpec, varying: &[String]) -> Checked {
         }
     }
     let told = [
-        (spec.estimator.is_some(), "[control.estimator], which says what parameters are"),
-        (!spec.parameter_schedule.is_empty(), "control.parameter_schedule, which says the same"),
+        (spec.estimator.is_some(), "[control.estimator], which estimates parameters"),
+        (
+            !spec.parameter_schedule.is_empty(),
+            "control.parameter_schedule, which also gives parameters",
+        ),
     ];
     match told.into_iter().find(|(is_there, _)| *is_there && !measured.is_empty()) {
         None => Ok(()),
@@ -190,7 +193,7 @@ fn increasing(key: &str, starts: impl Iterator<Item = f64>, duration_s: f64) -> 
     for (i, start_s) in starts.enumerate() {
         let start = format!("{key}[{i}].start_s");
         if let Some(before) = before.filter(|before| start_s <= *before) {
-            return value(&start, start_s, &format!("more than {before}, the one before"));
+            return value(&start, start_s, &format!("more than {before}, the start before it"));
         }
         if start_s >= duration_s {
             let expected = format!("less than the duration of the run, {duration_s}");

@@ -1,4 +1,4 @@
-//! How a config becomes an experiment: presets, merging, overrides, and back to a file.
+//! From a config to an experiment and back: presets, merging, overrides, files.
 
 use crate::common::{parse, read, repository};
 use pinc_config::{Experiment, Plants, Preset};

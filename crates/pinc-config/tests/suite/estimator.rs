@@ -1,4 +1,4 @@
-//! What an estimator is told of a config.
+//! The settings of an estimator in a config.
 
 use crate::common::{parse, read};
 use pinc_estimate::Gate;
@@ -46,7 +46,7 @@ fn a_gate_in_a_file_is_refused_with_its_place() {
 
 /// A state moves between its bounds in the loop; without both of them, nothing is known.
 #[test]
-fn ranges_are_those_of_the_loops_bounds() {
+fn ranges_come_from_the_loops_bounds() {
     let tanks = read("configs/estimation/tanks.toml");
     let range = |sets: &[&str]| {
         let control = parse(&tanks, sets).unwrap().control.unwrap();

@@ -67,7 +67,7 @@ fn a_table_by_name_is_the_list_in_order() {
 }
 
 #[test]
-fn names_that_are_unknown_or_missing_are_said() {
+fn names_that_are_unknown_or_missing_are_reported() {
     for (set, parts) in [
         (
             "control.state_low={ h3 = 0.1 }",

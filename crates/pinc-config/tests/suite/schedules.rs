@@ -181,12 +181,12 @@ fn bounds_are_functions_of_t() {
             "expected a bound control.state_high of v",
         ),
         ("[{ start_s = 1.0, state_high = { y = 2.0 } }]", "`y` is not known; expected one of x, v"),
-        ("[{ start_s = 1.0, input_low = { u = 2.0 } }]", "no lower bound above its upper one"),
+        ("[{ start_s = 1.0, input_low = { u = 2.0 } }]", "lower bounds below upper bounds"),
         (
             "[{ start_s = 1.02, input_low = { u = 0.0 } }]",
             "a whole number of steps of T = 0.5 s: 1 or 1.5",
         ),
-        ("[{ start_s = 1.0 }, { start_s = 1.0 }]", "more than 1, the one before"),
+        ("[{ start_s = 1.0 }, { start_s = 1.0 }]", "more than 1, the start before it"),
         ("[{ start_s = 4.0 }]", "less than the duration of the run"),
         ("[{ start_s = 1.0, state_high = { x = inf } }]", "expected a finite number"),
         ("{ states_high = { x = \"t\" } }", "did you mean `state_high`?"),
@@ -237,7 +237,7 @@ fn functions_that_cannot_be_used_are_refused() {
     assert!(parse(LOOP, &long).unwrap_err().contains("100000 steps at most; it has 500000"));
     let without = LOOP.replace("step_s = 0.5\n", "");
     let found = parse(&without, &["control.references={ x = \"t\" }"]).unwrap_err();
-    assert!(found.contains("or beside it the length of a step, control.step_s"), "{found}");
+    assert!(found.contains("or also a step, control.step_s"), "{found}");
     let delayed = [
         "control.parameter_schedule={ a = \"1 + t\" }",
         "control.parameter_preview=true",

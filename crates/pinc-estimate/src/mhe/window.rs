@@ -1,4 +1,4 @@
-//! What a moving horizon estimator remembers of the last steps.
+//! A moving horizon estimator's memory of the last steps.
 
 use pinc_mpc::Memory;
 use pinc_ode::Dims;

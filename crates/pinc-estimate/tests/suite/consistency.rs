@@ -1,5 +1,4 @@
-//! Whether estimators are as sure of themselves as they may be, and whatever is measured does them
-//! no harm.
+//! Consistency of estimators, and their robustness against any measurement.
 
 use crate::support::{oscillator, tanks};
 use pinc_estimate::{Ekf, Estimator, EstimatorStatus, Mhe, Tuning, Ukf};

@@ -1,4 +1,4 @@
-//! What holds for Kalman filters on any model.
+//! Properties of Kalman filters on any model.
 
 use crate::support::{oscillator, tanks};
 use pinc_estimate::{Ekf, Estimator, EstimatorStatus, Mhe, Tuning, Ukf};

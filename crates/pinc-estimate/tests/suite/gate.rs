@@ -152,8 +152,8 @@ fn rejections_count_beyond_a_reading_that_passes() {
     }
 }
 
-/// The first covariance that a reading is judged by again is the widest of that of the beginning,
-/// that of a step and that of the range.
+/// The first covariance by which a reading is judged again is the widest of three: the initial one,
+/// a step's, and the range's.
 #[test]
 fn a_covariance_is_widened_to_the_range() {
     let tuning = Tuning {

@@ -147,7 +147,7 @@ fn assert_derivatives(model: &mut dyn Model, at: &[f64]) {
 
 /// All derivatives of both models agree with their values: by disturbances and parameters, too.
 #[test]
-fn derivatives_are_those_of_the_values() {
+fn derivatives_match_the_values() {
     for augmentation in augmentations() {
         let (x, u, w) = ([0.7, -0.4], [0.3], [0.21, -0.13]);
         let mut compensated = Compensated::new(spring(), augmentation.clone()).unwrap();

@@ -44,7 +44,7 @@ fn assert_near(found: &[f64], expected: &[f64]) {
 
 /// a = u + d, whatever the input's own reference.
 #[test]
-fn an_input_that_is_wanted_otherwise_gives_way() {
+fn an_input_whose_reference_conflicts_gives_way() {
     let mut target = target(&[]);
     assert_near(&held(&mut target, 0.0, &[0.5, 0.0]), &[0.5, 0.5]);
     assert_near(&held(&mut target, 0.2, &[0.5, 0.0]), &[0.5, 0.3]);

@@ -456,7 +456,7 @@ fn an_applied_input_beyond_its_bounds_is_refused_and_changes_nothing() {
 }
 
 #[test]
-fn estimators_that_are_none_are_refused() {
+fn invalid_estimators_are_refused() {
     let (case, augmentation, tuning) = tanks(Disturbance::Input, 0);
     // What the library refuses is refused in its words.
     let fewer = Tuning { process_sd: vec![0.1], ..tuning.clone() };

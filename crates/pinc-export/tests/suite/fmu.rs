@@ -60,7 +60,7 @@ int main(void)
 
 /// An FMU has no clock, and says what bounds a step in place of the config's time.
 #[test]
-fn a_time_budget_is_replaced_by_a_count_and_that_is_said() {
+fn a_time_budget_is_replaced_by_a_count_which_is_reported() {
     let description = |budget_us: Option<f64>, version: FmiVersion| {
         let mut case = oscillator_case();
         case.config.max_iterations = 17;

@@ -1,4 +1,4 @@
-//! What is generated, compiled and run.
+//! Tests that compile and run the generated code.
 
 mod budgets;
 mod change;

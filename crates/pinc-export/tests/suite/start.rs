@@ -1,5 +1,5 @@
-//! What controllers in C begin with, what they follow by time, and what they answer when something
-//! is missing, against the library's.
+//! Controllers in C against the library: their first input, their references over time, and their
+//! answers to missing values.
 
 use super::compile::{READ, Sources};
 use super::controller::{Begin, Case, oscillator_case};
@@ -312,7 +312,7 @@ int main(void)
 "#;
 
 #[test]
-fn a_copy_of_the_struct_goes_on_without_a_bump() {
+fn a_copy_of_the_struct_continues_without_a_bump() {
     for delay in [0, 2] {
         let files = begun(delay, false).export(None).unwrap();
         let found = Sources::new(&files).drive(COPIES, &[], &[]);

@@ -1,4 +1,4 @@
-//! What stands between brackets: indices, sizes and ranges, which are whole numbers.
+//! The text between brackets: indices, sizes and ranges, which are whole numbers.
 
 use crate::error::ExpressionProblem;
 use crate::lexer::Misplaced;

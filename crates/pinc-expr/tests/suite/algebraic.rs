@@ -201,7 +201,7 @@ fn lanes_are_independent() {
 
 /// Jacobians against differences, where the root is known by its equation only.
 #[test]
-fn jacobians_are_those_of_differences() {
+fn jacobians_match_differences() {
     let equations = Equations {
         algebraic: [
             ("a".to_owned(), unknown("a*exp(a) - x - 3", None, [0.0, 10.0])),

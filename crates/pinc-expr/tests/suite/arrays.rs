@@ -122,7 +122,7 @@ fn elements_of_a_parameter_vary() {
 }
 
 #[test]
-fn terms_and_instructions_are_those_of_the_elements() {
+fn terms_and_instructions_match_the_elements() {
     let mut rod = rod(4);
     rod.derivatives.insert("T[i]".to_owned(), "w[1]/T[i] + 0*q[i]".to_owned());
     rod.outputs.clear();

@@ -93,7 +93,7 @@ fn a_net_without_weights_gives_0_and_its_neurons_differ() {
 }
 
 #[test]
-fn what_is_wrong_with_a_net_is_said_of_the_net() {
+fn faults_of_a_net_are_reported_for_the_net() {
     let said = |change: &dyn Fn(&mut Equations)| {
         let mut equations = hybrid();
         change(&mut equations);

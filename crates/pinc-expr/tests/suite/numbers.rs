@@ -121,7 +121,7 @@ fn an_empty_tank_has_no_outflow_and_no_derivative() {
 }
 
 #[test]
-fn trajectories_are_those_of_the_built_in_plant() {
+fn trajectories_match_the_built_in_plant() {
     let (mut x, mut y) = ([1.0, -0.5], [1.0, -0.5]);
     Dopri5::new(van_der_pol(), 1e-12).integrate(&mut x, &[0.3], 10.0).expect("a limit cycle");
     Dopri5::new(VanDerPol { mu: 1.3 }, 1e-12).integrate(&mut y, &[0.3], 10.0).expect("the same");

@@ -120,7 +120,7 @@ fn coupled(n: usize, couplings: &[(usize, usize, f64)]) -> ExpressionPlant {
 
 /// On kinks and jumps, where roots end and powers begin, the same derivatives count.
 #[test]
-fn kinks_and_ends_are_those_of_dual_numbers() {
+fn kinks_and_ends_match_dual_numbers() {
     let expressions = [
         "abs(x)",
         "sign(x)*y",

@@ -1,4 +1,4 @@
-//! What the text of an equation means, and what is said of text that means nothing.
+//! The meaning of an equation's text, and messages about texts without meaning.
 
 use pinc_expr::{Equations, ExpressionError, ExpressionProblem};
 use pinc_ode::{Plant, Variable};

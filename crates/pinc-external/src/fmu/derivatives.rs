@@ -1,4 +1,4 @@
-//! How an FMU's directional derivatives are requested.
+//! Requests for an FMU's directional derivatives.
 
 use super::description::{Description, Place};
 use super::library::Instance;

@@ -1,4 +1,4 @@
-//! What `modelDescription.xml` says of an FMU.
+//! An FMU's `modelDescription.xml`.
 
 use roxmltree::{Document, Node};
 use serde::{Deserialize, Serialize};

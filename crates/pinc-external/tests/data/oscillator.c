@@ -1,6 +1,6 @@
 /* An oscillator as an FMU for model exchange and for co-simulation, of FMI 2.0 and of FMI 3.0:
    x1' = x2, x2' = k (1 - x1^2) x2 - x1 + u + t0, with t0 the time at which it begins. In version 3, x and w are arrays of two, and u is w[2]. Derivatives
-   in k are to be had in the initialization only, as the standard says of a fixed parameter; those of
+   in k exist during initialization only, as the standard says of a fixed parameter; derivatives at
    states with x1 > 9 fail. */
 #include <math.h>
 #include <stdbool.h>

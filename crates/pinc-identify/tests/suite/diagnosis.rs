@@ -1,4 +1,4 @@
-//! What is said of data and fits that are not as they should be.
+//! Diagnoses of faulty data and poor fits.
 
 use crate::support::{noise, oscillator, plant, problem, simulated, steps};
 use pinc_identify::{

@@ -124,7 +124,7 @@ fn the_fit_takes_few_evaluations_of_the_model() {
 /// Half widths agree with the formula, with a Jacobian of differences of the model and the inverse
 /// of its normal equations.
 #[test]
-fn half_widths_are_those_of_the_formula() {
+fn half_widths_match_the_formula() {
     let found = fit(&[0, 1, 2, 3], &NEAR, STATE);
     let (u, y) = data();
     let mut model = tanks().model(Integrator::Rk4, 10.0, 4).unwrap();

@@ -62,7 +62,7 @@ fn a_size_has_no_sign() {
 
 /// States and outputs have their own softness.
 #[test]
-fn softness_is_that_of_the_quantity() {
+fn softness_belongs_to_the_quantity() {
     for (states, outputs) in [(true, false), (false, true)] {
         let softness = |hard| if hard { Softness::Hard } else { Softness::Exact };
         let broken = broken_by_the_lag(softness(states), softness(outputs));

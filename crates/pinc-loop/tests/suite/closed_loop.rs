@@ -126,7 +126,7 @@ fn the_trace_has_nine_points_a_step() {
 
 /// Each bound has its own worst violation with its time, at the ends of steps and between them.
 #[test]
-fn broken_bounds_are_told_apart() {
+fn broken_bounds_are_distinguished() {
     let problem = NmpcProblem {
         state_bounds: Bounds::new(vec![-0.6, f64::NEG_INFINITY], vec![0.55, 0.15]),
         state_softness: Softness::Penalty(vec![3.0, 3.0]),
@@ -246,7 +246,7 @@ fn segments_are_judged_by_their_own_marks() {
 }
 
 #[test]
-fn a_plant_that_cannot_be_integrated_leaves_what_there_was() {
+fn a_plant_that_cannot_be_integrated_leaves_earlier_results() {
     let mut nmpc = idle();
     let reference = Reference::new(vec![0.0; 5], 1).unwrap();
     // Infinite at t = 1/0.62 = 1 + 5.5/9: in the second step, past 5 of its 9 points.

@@ -1,4 +1,4 @@
-//! What a controller hands on: to one that takes its place, or to its own next process.
+//! The handover from a controller to its substitute, or to its own next process.
 
 use super::Nmpc;
 use crate::memory::Memory;

@@ -1,4 +1,4 @@
-//! How far to go along a step where the residual does not say so.
+//! The length of a step that the residual does not decide.
 
 use super::hessian::Hessian;
 use super::{Point, Search, Sqp, StepInput};

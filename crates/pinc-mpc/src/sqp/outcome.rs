@@ -1,4 +1,4 @@
-//! How an optimization ends.
+//! The outcome of an optimization.
 
 use crate::SqpStatus;
 use crate::constraint::Constraint;

@@ -333,7 +333,7 @@ fn a_deadline_is_kept_within_a_linearization() {
 /// No step has the time for a whole optimization, and the first ones not even for a program from
 /// scratch. Each resumes where the last ended, and the loop comes to rest.
 #[test]
-fn what_a_deadline_cuts_off_goes_on_in_the_next_step() {
+fn what_a_deadline_cuts_off_resumes_in_the_next_step() {
     for allowed in [9, 14, 20] {
         let (converged, x) = oscillator_cut_off_after(allowed);
         assert!(converged >= 20, "{allowed}: {converged}");

@@ -1,5 +1,5 @@
-//! What the problem may ask beyond the paper's experiments: h and g, increments, delays, soft
-//! bounds, full weights.
+//! Features of the problem beyond the paper's experiments: h and g, increments, delays, soft bounds,
+//! full weights.
 
 use crate::problems::van_der_pol;
 use crate::support::{Linear, scalar_problem};

@@ -84,7 +84,7 @@ fn a_trusted_model_is_followed() {
 /// Where only some steps are made over, the others start from the substitute's plan and take its
 /// input for applied: with increments of at most 0.1, no two inputs are further apart.
 #[test]
-fn the_model_goes_on_from_the_substitutes_plan() {
+fn the_model_continues_from_the_substitutes_plan() {
     let bounded = |problem: NmpcProblem| {
         let mut problem = problem;
         (problem.increment_bounds.low, problem.increment_bounds.high) = (vec![-0.1], vec![0.1]);

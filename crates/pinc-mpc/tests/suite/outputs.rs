@@ -134,7 +134,7 @@ fn a_tracked_sum_is_a_full_weight_of_states() {
 /// In closed loop with the oscillator x1 + x2 reaches its reference, and the loop samples the
 /// output.
 #[test]
-fn a_loop_brings_an_output_to_its_reference() {
+fn an_output_reaches_its_reference() {
     let model = Observed { model: Rk4::new(VanDerPol::default(), 0.5, 4), feed: 0.0 };
     let problem = NmpcProblem {
         tracked: Tracked::outputs([0]),

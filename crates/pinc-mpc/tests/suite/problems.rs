@@ -49,7 +49,7 @@ pub(crate) fn van_der_pol_loop() -> Loop {
     Loop::new(van_der_pol(), plant, &[1.0, 0.0], (&values, 30))
 }
 
-/// That of the tanks, 240 steps.
+/// The loop of the tanks, 240 steps.
 pub(crate) fn four_tanks_loop() -> Loop {
     let middle = [9.159_582_958_982_018, 14.211_590_549_777_885];
     let upper = [10.151_255_120_853_042, 15.750_223_780_923_415];

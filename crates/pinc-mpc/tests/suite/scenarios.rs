@@ -178,7 +178,7 @@ const LONG: usize = 54;
 const HOT: [usize; 2] = [55, 57];
 
 #[test]
-fn first_inputs_are_those_of_ipopt() {
+fn first_inputs_match_ipopt() {
     for method in [QpMethod::Auto, QpMethod::Clarabel] {
         let mut all = cases(sharp(method));
         assert_eq!(all.len(), 58);

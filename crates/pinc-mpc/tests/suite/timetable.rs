@@ -45,8 +45,8 @@ fn model() -> Rk4<Lag> {
     Rk4::new(LAG, 1.0, 2)
 }
 
-/// The bounds of the stages of a plan that begins at `step`, one after the other: the state has
-/// those of the two steps that meet at its mark.
+/// The bounds of the stages of a plan that begins at `step`, one after the other: both steps that
+/// meet at a mark bound its state.
 fn by_stage(step: usize, preview: bool) -> NmpcProblem {
     let at = |ahead: usize| row(if preview { step + ahead } else { step });
     let side = |place: usize, stages: usize| -> [Vec<f64>; 2] {
@@ -70,7 +70,7 @@ fn by_stage(step: usize, preview: bool) -> NmpcProblem {
 
 /// Each plan of a loop is the plan of a controller that was built with the bounds of its stages.
 #[test]
-fn bounds_of_a_plan_are_those_of_its_steps() {
+fn bounds_of_a_plan_follow_its_steps() {
     for preview in [true, false] {
         let (problem, dims) = (problem(), model().dims());
         let schedule = BoundSchedule::new(rows(), &problem, dims).unwrap();

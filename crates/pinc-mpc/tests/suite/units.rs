@@ -126,7 +126,7 @@ fn compare(
 /// A multiplier is what the cost gains per unit of its bound: in the units of the plant, whatever the
 /// optimization counts in.
 #[test]
-fn multipliers_are_those_of_the_plants_units() {
+fn multipliers_are_in_the_plants_units() {
     let mut run = van_der_pol_loop();
     run.problem.increment_bounds = Bounds::new(vec![-0.15], vec![0.1]);
     let multipliers = |counted: Counted| {

@@ -1,4 +1,4 @@
-//! How often the controller evaluates its model, and what its quadratic programs take.
+//! Counts of the controller's evaluations of its model, and of the work of its quadratic programs.
 
 use crate::faulty::{Faulty, NOT_A_NUMBER, SOUND};
 use crate::problems::{four_tanks, van_der_pol};
@@ -68,7 +68,7 @@ impl Counted {
 }
 
 #[test]
-fn a_plan_that_is_moved_on_is_linearized_at_its_ends() {
+fn a_shifted_plan_is_linearized_at_its_ends() {
     let mut run = Counted::new();
     let (status, points, qps) = run.step([0.2, 0.1]);
     assert_eq!((status, points), (SqpStatus::Converged, (qps + 1) * HORIZON));

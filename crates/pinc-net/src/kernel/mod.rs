@@ -3,18 +3,18 @@
 //! # Layout
 //!
 //! Points come in *panels* of two vectors (16 points with AVX-512, 8 with AVX2). For a panel, each
-//! neuron holds one *cell* of four vectors: two of values, two of tangents, which are derivatives
-//! in time or, where derivatives are fitted, along a direction of each point's own. A panel goes
+//! neuron holds one *cell* of four vectors: two of values and two of tangents. Tangents are
+//! derivatives in time or, if derivatives are fitted, along one direction per point. A panel goes
 //! through the whole net and back while its cells stay in the first-level cache; the weight
 //! gradients are then summed over a *tile* of panels, whose cells stay in the second-level cache.
-//! Tiles form *blocks*, the work of a thread at a time.
+//! A thread takes one *block* of tiles at a time.
 //!
-//! In nets with *wide* layers neither the weights nor their gradients, spread over lanes, stay in
-//! cache from panel to panel. There all panels of a tile go through a layer before the next, and
+//! In nets with *wide* layers, the weights and their gradients, spread over lanes, do not stay in
+//! cache from panel to panel. There all panels of a tile go through one layer before the next, and
 //! the gradients of wide layers are summed over lanes tile by tile.
 //!
-//! The same bits come out on any number of threads: blocks depend on the number of points only, and
-//! their sums are added in order. Different instruction sets differ by rounding.
+//! The number of threads does not change a bit of the result: blocks depend only on the number of
+//! points, and their sums are added in order. Different instruction sets round differently.
 
 mod dense;
 mod normal;

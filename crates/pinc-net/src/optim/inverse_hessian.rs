@@ -307,7 +307,7 @@ mod tests {
     }
 
     #[test]
-    fn products_and_updates_are_those_of_the_dense_matrix() {
+    fn products_and_updates_match_the_dense_matrix() {
         for n in [1, 3, 8, 13, 40, 101] {
             let workers = Workers::new(2).unwrap();
             let mut matrix = InverseHessian::identity(n, 0.7);

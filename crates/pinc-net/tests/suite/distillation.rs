@@ -112,7 +112,7 @@ fn errors(net: &PincNet) -> [f64; 2] {
 /// The gradient of the loss, slopes included, against differences of the loss, for plants whose
 /// states, inputs and times are in units of any size.
 #[test]
-fn the_gradient_is_that_of_differences_in_all_units() {
+fn the_gradient_matches_differences_in_all_units() {
     for scale in [1e-6, 1e-3, 1.0, 1e3, 1e6] {
         let domain = Domain::new(vec![-3.0 * scale..=3.0 * scale; 2], [-scale..=scale]);
         let plant = Scaled { scale };
@@ -224,7 +224,7 @@ fn derivatives_go_with_levenberg_and_marquardt() {
 }
 
 #[test]
-fn a_distilled_training_goes_on_from_its_checkpoint() {
+fn a_distilled_training_resumes_from_its_checkpoint() {
     let without = |config: &TrainingConfig, threads| distilled(config, Ansatz::HardLinear, threads);
     goes_on(&without);
     goes_on(&with_derivatives);

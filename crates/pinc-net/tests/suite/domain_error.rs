@@ -133,7 +133,7 @@ fn square(a: [f64; 3], b: [f64; 3]) -> f64 {
 /// Two hills, the lower one with its top at a point of the sample, the higher one where the sample
 /// has its largest gap: a search from the worst point alone ends on the lower one.
 #[test]
-fn the_largest_error_is_not_that_of_the_worst_point_of_the_sample() {
+fn the_largest_error_exceeds_the_worst_point_of_the_sample() {
     const POINTS: usize = 1024;
     let domain = Domain::new([-1.0..=1.0, 2.0..=10.0], [0.0..=4.0]);
     let truth = DomainTruth::draw(&Linear, &domain, 0.1, POINTS, 1e-12, 5);

@@ -48,7 +48,7 @@ fn coupled_grid_has_both_ends_of_the_step_for_every_scenario() {
 
 /// The generator has 2^16 points of a scramble: later ones are others.
 #[test]
-fn the_sequence_goes_on_beyond_its_period() {
+fn the_sequence_continues_beyond_its_period() {
     let points = Sampler::Sobol.collocation((1 << 16) + 1, 1.0, &domain(), 1, 3);
     assert!(points.time(0) - points.time(1 << 16) != 0.0);
 }

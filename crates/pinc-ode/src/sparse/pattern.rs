@@ -1,4 +1,4 @@
-//! Where a matrix is not zero.
+//! The pattern of a matrix's nonzero entries.
 
 use std::ops::Range;
 

@@ -1,14 +1,14 @@
-//! The sensitivities of the Rosenbrock method, some columns, a *block*, at a time.
+//! The sensitivities of the Rosenbrock method, one *block* of columns at a time.
 //!
-//! With S the derivatives of the state at the beginning of a substep, and W = I / (h gamma) - J,
-//! its equations, differentiated, are
+//! With S the derivatives of the state at the beginning of a substep, and W = I / (h gamma) - J, the
+//! differentiated equations of the method are
 //!
 //! ```text
 //! W K_i = J(y_i) sum_(j<i) a_ij K_j + (J(y_i) + M_i) S + sum_(j<i) c_ij K_j / h
 //! M_i = d(J(x) k_i)/d(x, u, p), k_i held
 //! ```
 //!
-//! where `J(y_i)` and `M_i` have columns for inputs and parameters too, and S their unit rows.
+//! where `J(y_i)` and `M_i` also have columns for inputs and parameters, and S has their unit rows.
 
 use super::elimination::{Elimination, MOST_COLUMNS};
 use super::rosenbrock::{A, C, STAGES};

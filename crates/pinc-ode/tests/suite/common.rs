@@ -1,4 +1,4 @@
-//! What the tests of the integrators need: exact solutions, steps and a regression.
+//! Helpers for tests of integrators: exact solutions, steps and a regression.
 
 use pinc_ad::Scalar;
 use pinc_ode::{Linearization, Model, Plant, Stages, Variable};

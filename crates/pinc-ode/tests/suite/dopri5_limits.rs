@@ -138,7 +138,7 @@ fn state_that_becomes_not_finite() {
 }
 
 #[test]
-fn after_an_error_the_integrator_goes_on() {
+fn after_an_error_the_integrator_continues() {
     let mut integrator = Dopri5::new(VanDerPol::default(), 1e-10);
     let expected = integrate(&mut integrator.clone(), &[1.0, 0.0], &[0.5], 0.5).unwrap();
     integrate(&mut integrator, &[f64::NAN, 0.0], &[0.5], 0.5).unwrap_err();

@@ -1,4 +1,4 @@
-//! What every [`Integrator`] promises: its order, exact Jacobians, its evaluations per substep.
+//! The promises of every [`Integrator`]: its order, exact Jacobians, its evaluations per substep.
 
 use crate::common::{Oscillator, distance, flows, linearize, order};
 use pinc_ad::{Scalar, central_difference};

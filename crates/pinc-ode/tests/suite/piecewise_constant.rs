@@ -47,7 +47,7 @@ fn just_before_a_start_is_before_it() {
 /// Steps of 1 ms stay apart after 1e7 s, where a double is exact to 2 ns; so does a start by
 /// itself.
 #[test]
-fn short_steps_late_are_told_apart() {
+fn late_short_steps_are_distinguished() {
     let late = 1e7;
     let starts = [0.0].into_iter().chain((0..100).map(|k| late + level(k) * 1e-3)).collect();
     let signal = staircase(starts);
@@ -60,7 +60,7 @@ fn short_steps_late_are_told_apart() {
 }
 
 #[test]
-fn first_and_last_values_go_on() {
+fn first_and_last_values_hold_beyond_the_ends() {
     let signal = staircase(vec![0.0, 2.0]);
     assert_level(&signal, -1.0, 0);
     assert_level(&signal, 1e9, 1);

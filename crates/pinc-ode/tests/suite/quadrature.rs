@@ -107,7 +107,7 @@ fn polynomials_of_degree_5_are_integrated_exactly() {
 
 /// At two points, so that one does not write into the other's numbers.
 #[test]
-fn derivatives_are_those_of_the_integral() {
+fn derivatives_match_the_integral() {
     let (dims, length) = (Rate.dims(), 1.7);
     let points = [[0.7, 0.4, 2.5, 0.6, 1.3], [-0.3, 1.1, 0.0, -0.8, 0.9]];
     let gather = |part: std::ops::Range<usize>| -> Vec<f64> {

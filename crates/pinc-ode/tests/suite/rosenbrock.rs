@@ -105,7 +105,7 @@ fn a_slow_mode_beside_a_fast_one() {
 /// the method itself, scaled by the units of the variables. Differences are good to about 1e-9 of
 /// the scale.
 #[test]
-fn jacobians_are_those_of_the_method() {
+fn jacobians_match_the_method() {
     check_jacobians(
         &mut *rosenbrock(HydraulicServo::default(), 0.01, 2),
         &[(vec![0.01, 0.05, 3.0, 0.2], vec![0.4]), (vec![0.0, -0.1, -10.0, -0.5], vec![0.6])],

@@ -230,7 +230,7 @@ fn jacobians_against_differences() {
 }
 
 #[test]
-fn value_of_linearize_is_that_of_predict() {
+fn value_of_linearize_matches_predict() {
     let mut method = Rk4::new(FourTanks::antonelo(), 10.0, 4);
     let (x, u) = ([2.0, 20.0, 0.3, 6.0], [0.0, 5.0]);
     let [next, _, _] = linearize(&mut method, &x, &u);

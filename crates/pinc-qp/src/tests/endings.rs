@@ -1,5 +1,5 @@
-//! How solutions end: at each of the moments at which the time is looked at, from a perfect guess,
-//! with numbers that are none.
+//! Endings of solutions: a deadline at each reading of the clock, a perfect guess, inputs that are
+//! not numbers.
 
 use super::{SHARP, residual};
 use crate::condense::CondensedQp;

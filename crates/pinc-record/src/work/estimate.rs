@@ -1,4 +1,4 @@
-//! How long a sweep will take.
+//! An estimate of a sweep's duration.
 
 use crate::sweep_dir::WorkerNote;
 use pinc_config::{Experiment, Trial};

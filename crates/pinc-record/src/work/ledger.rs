@@ -1,4 +1,4 @@
-//! What is known of the trials that are over.
+//! The ledger of finished trials.
 
 use crate::error::RecordError;
 use crate::metrics::SweepMetrics;

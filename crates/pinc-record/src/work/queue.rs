@@ -1,5 +1,5 @@
 //! Who does what next: trials in their order, each after the training that it shares with others.
-//! What another process works on is put aside and looked at again.
+//! Work that another process has taken is put aside and looked at again later.
 
 use crate::search::Eligibility;
 use pinc_config::Trial;

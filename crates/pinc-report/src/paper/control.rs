@@ -294,7 +294,7 @@ pub(super) fn deviations(page: &mut Page, runs: &Runs) -> Result<(), ReportError
     page.heading("Deviations, one at a time");
     page.paragraph(
         "Each case is preset `ours` with one choice of the paper or of its authors' program, as \
-         listed in [deviations.md](deviations.md). Medians of 3 seeds, with minimum and maximum if \
+         listed in [Deviations](deviations.md). Medians of 3 seeds, with minimum and maximum if \
          these differ.",
     );
     for (plant, name) in PLANTS {

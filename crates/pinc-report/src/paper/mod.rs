@@ -78,7 +78,7 @@ fn fill(page: &mut Page, dir: &Path) -> Result<(), ReportError> {
         "Every table and figure of the paper that has numbers, beside this project's, made by the \
          two commands below. `as-printed` is the paper's equations and `as-released` its authors' \
          program, both run here with the paper's recipe; `ours` is this project's best. \
-         [deviations.md](deviations.md) says where they differ; [measurements.md](measurements.md) \
+         [Deviations](deviations.md) says where they differ; [Measurements](measurements.md) \
          has all other measurements.",
     );
     page.commands(&[

@@ -1,4 +1,4 @@
-//! What the runs of the paper left: metrics and tables, by experiment and preset.
+//! The results of the paper's runs: metrics and tables, by experiment and preset.
 
 use crate::error::ReportError;
 use pinc_config::{Experiment, ModelKind, Preset};

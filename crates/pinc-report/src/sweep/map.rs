@@ -150,7 +150,7 @@ impl<'a> Map<'a> {
         let values = self.values();
         let cells: Vec<Cell> = values.iter().map(|(cell, _)| (*cell).clone()).collect();
         let mut caption = format!(
-            "In each cell the {}, and below it the quartiles, {}; dark is low.",
+            "In each cell the {}, and below it the quartiles, {}.",
             self.label(),
             sizes(&cells)
         );

@@ -173,7 +173,7 @@ fn an_axis_makes_curves_over_huge_and_narrow_ranges() {
 }
 
 #[test]
-fn what_is_the_same_in_every_trial_is_said_and_not_drawn() {
+fn what_is_the_same_in_every_trial_is_reported_and_not_drawn() {
     let values = [trial(&["1"], 113.5332), trial(&["2"], 113.5710), trial(&["4"], 113.5710)];
     let dir = directory(&["control.rk4_substeps"], &["mse_gen", "rk4_iae_dense_sum"], &values);
     let path = dir.path().join("sweep.csv");

@@ -12,7 +12,7 @@ fn compared(dirs: &[&TempDir]) -> crate::Comparison {
 }
 
 #[test]
-fn numbers_stand_beside_those_of_the_first_run_with_what_they_differ_by() {
+fn numbers_are_shown_beside_the_first_runs_with_their_differences() {
     let (first, other) = (whole(), whole());
     // A twentieth of the validation error, and 1 % more IAE with PINC than 113.575.
     let better = METRICS.replace("1.11e-6", "5.55e-8").replace("113.575", "114.71075");

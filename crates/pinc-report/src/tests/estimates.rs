@@ -33,7 +33,7 @@ fn with_estimates() -> TempDir {
 }
 
 #[test]
-fn estimates_stand_beside_the_plant_and_the_measurements() {
+fn estimates_are_shown_beside_the_plant_and_the_measurements() {
     let dir = with_estimates();
     for model in ["pinc", "rk4"] {
         let picture = svg(dir.path(), &format!("estimates-{model}"));
@@ -160,7 +160,7 @@ fn bands_are_of_95_per_cent_around_the_estimate_in_its_unit() {
 }
 
 #[test]
-fn innovations_are_those_of_their_quantity_over_time() {
+fn innovations_are_drawn_for_their_quantity_over_time() {
     let picture = svg(with_two_measured().path(), "estimates-pinc");
     let all = |title: &str, label: &str, of: fn((f64, f64)) -> f64| {
         let panel = Plot::read(&picture, title);

@@ -396,6 +396,12 @@ fn missing_files_leave_their_sections_out() {
         assert!(!stems(dir.path()).iter().any(|stem| stem == gone));
         let html = build(dir.path()).unwrap();
         assert!(html.contains(&format!("There is no {file}")), "no note on {file}");
+        // Nothing is missing of a stage that did not run.
+        let mut metrics: serde_json::Value = serde_json::from_str(METRICS).unwrap();
+        assert!(metrics.as_object_mut().unwrap().remove(gone).is_some(), "{gone}");
+        write(&dir, "metrics.json", &metrics.to_string());
+        let html = build(dir.path()).unwrap();
+        assert!(!html.contains(&format!("There is no {file}")), "a note on {file}");
     }
     let dir = whole();
     fs::remove_file(dir.path().join("metrics.json")).unwrap();

@@ -1,4 +1,4 @@
-//! What a reader zooms into.
+//! Tests of zooming.
 
 use super::{STEMS, build, whole, write};
 use std::fmt::Write as _;

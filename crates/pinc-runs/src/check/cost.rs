@@ -1,4 +1,4 @@
-//! How long the models of a closed loop take on this machine.
+//! The times of a closed loop's models on this machine.
 
 use crate::RunError;
 use crate::clock::{for_seconds, median, time, to_f64};

@@ -199,7 +199,7 @@ fn the_gate_is_put_into_units() {
 /// Readings of a sound sensor are rejected in the rehearsed loop if the estimator begins elsewhere
 /// without knowing it; so is noise that it does not expect.
 #[test]
-fn a_gate_that_rejects_sound_readings_is_warned_of() {
+fn a_gate_that_rejects_sound_readings_triggers_a_warning() {
     let wrong = ["control.estimator.initial_estimate=[1.25, 0.0]"];
     let found = gated(&wrong);
     let place = "control.estimator.gate";
@@ -368,7 +368,7 @@ fn a_loop_that_leaves_the_domain() {
 }
 
 #[test]
-fn a_plant_that_breaks_off() {
+fn a_plant_whose_integration_fails() {
     // From 1.9 it is gone after less than a second, with any input.
     let sets =
         ["control.initial_state=[1.9, 0.0]", "control.step_s=2.0", "control.duration_s=20.0"];
@@ -390,7 +390,7 @@ const FREE: &str = r#"
 "#;
 
 #[test]
-fn free_runs_that_leave_the_domain_or_break_off() {
+fn free_runs_that_leave_the_domain_or_fail() {
     let found = findings_with(Test::Damped, &["domain.state_high=[1.2, 2.0]"], FREE);
     assert_found(&found, Warning, "domain", "the free run of [prediction]: x1 goes up to 1.9");
     assert_found(&found, Warning, "domain", "the validation's scenarios: x1 goes up to");
@@ -442,7 +442,7 @@ fn nothing_to_look_at() {
 }
 
 #[test]
-fn the_size_of_the_net_against_that_of_the_plant() {
+fn the_size_of_the_net_against_the_plants() {
     let net = |layers: usize, neurons: usize| {
         let text = format!(
             r#"
@@ -486,7 +486,7 @@ fn an_integrator_may_be_wrong_by_a_hundredth_of_the_box() {
 
 /// The table has the numbers of `pinc run`: the same points, the same truth.
 #[test]
-fn the_errors_of_rk4_are_those_of_a_run() {
+fn the_errors_of_rk4_match_a_run() {
     use pinc_net::DomainTruth;
     use pinc_ode::Rk4;
     let experiment = experiment(&[], "");

@@ -1,4 +1,4 @@
-//! What acts when in a closed loop, and what is said of it.
+//! The timing of signals in a closed loop, and its messages.
 
 use pinc_config::{Experiment, ModelKind, Plants};
 use pinc_record::{ControlMetrics, ControlReader, ControlRow, Metrics, file};
@@ -86,7 +86,7 @@ fn a_load_acts_from_the_step_that_begins_with_it() {
 /// The trace with a plant that changes at 3 s is the one without a change up to there, to the bit,
 /// and then decays.
 #[test]
-fn a_plant_changes_at_the_step_that_it_is_said_to() {
+fn a_plant_changes_at_the_step_given() {
     let begin = "control.initial_state=[1.0]";
     let change = "control.plant_schedule=[{ start_s = 3.0, values = { a = 0.5 } }]";
     let (same, changed) = (run(DRIFT, &[begin]).1, run(DRIFT, &[begin, change]).1);

@@ -65,7 +65,7 @@ impl Model for Drive {
 }
 
 #[test]
-fn back_offs_are_those_of_numpy() {
+fn back_offs_match_numpy() {
     let rows: Vec<Vec<f64>> = include_str!("../data/zoro.txt")
         .lines()
         .map(|line| line.split(' ').map(|number| number.parse().unwrap()).collect())

@@ -1,4 +1,4 @@
-//! What makes no tube, and errors that are no numbers.
+//! Refused tubes, and errors that are not numbers.
 
 use pinc_ode::{Dims, Stages};
 use pinc_tube::{

@@ -212,7 +212,7 @@ fn parameters_are_variables_too() {
 }
 
 #[test]
-fn what_cannot_be_searched_is_said() {
+fn what_cannot_be_searched_is_reported() {
     let wide = equations(&[
         ("a", "b"),
         ("b", "c"),

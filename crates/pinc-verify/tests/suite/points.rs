@@ -54,7 +54,7 @@ fn all_functions_of_equations_can_be_enclosed() {
 }
 
 #[test]
-fn a_point_without_a_bound_is_said() {
+fn a_point_without_a_bound_is_reported() {
     let tanks = PlantEquations::traced(FourTanks::antonelo());
     let model = StepModel::RungeKutta(Tableau::CLASSICAL, 2);
     let error = StepError::new(&tanks, &[], 2, model, 10.0).unwrap();

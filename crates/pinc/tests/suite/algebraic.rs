@@ -80,7 +80,7 @@ fn a_root_that_ends_on_the_way_is_named_by_the_run() {
 }
 
 #[test]
-fn several_roots_are_warned_of() {
+fn several_roots_trigger_a_warning() {
     let found = serious(&[&format!("{Q}.low=-10.0")]);
     assert!(found.len() == 1 && found[0].severity == Severity::Warning, "{found:?}");
     assert_said(&found[0].what, &["several roots at h = ", "which the plant takes, and q = -"]);
@@ -118,7 +118,7 @@ fn index_2_is_refused_in_words() {
 }
 
 #[test]
-fn what_else_is_wrong_is_named() {
+fn other_mistakes_are_named() {
     let refused = |key: &str, value: &str, part: &str| {
         let error = load(&[&format!("{Q}.{key}={value}")]).unwrap_err();
         assert_said(&error, &[Q, part]);

@@ -1,4 +1,4 @@
-//! What `pinc check` says of plants with arrays and of many references.
+//! `pinc check` on plants with arrays and on many references.
 
 use crate::common::repository;
 use pinc_config::{Experiment, Plants};

@@ -111,7 +111,7 @@ fn not_toml() {
 }
 
 #[test]
-fn numbers_that_are_none() {
+fn values_that_are_not_numbers() {
     for number in ["nan", "inf", "-inf"] {
         let outcome = check_with("horizon_s = 0.5", &format!("horizon_s = {number}"));
         outcome.assert_refused(&["`model.horizon_s`", "expected a finite number"]);
@@ -211,7 +211,7 @@ fn other_values_out_of_range() {
 }
 
 #[test]
-fn states_that_are_none() {
+fn names_that_are_not_states() {
     let expected = ["`control.controlled[1]`: `x3` is not known", "expected one of x1, x2"];
     check_with("controlled = [\"x1\", \"x2\"]", "controlled = [\"x1\", \"x3\"]")
         .assert_refused(&expected);

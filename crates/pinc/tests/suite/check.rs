@@ -1,4 +1,4 @@
-//! What `pinc check` finds in the shipped configs. Each of its messages has a test plant in
+//! The findings of `pinc check` in the shipped configs. Each of its messages has a test plant in
 //! `runs/check`.
 
 use crate::common::{outcome, pinc, repository};
@@ -36,7 +36,7 @@ fn sound_configs_give_no_cause_for_warnings() {
 
 /// The bounds are above what was found, and as near as a small proof is.
 #[test]
-fn what_is_proven_of_rk4_is_said() {
+fn the_proven_error_of_rk4_is_reported() {
     let findings = findings("van-der-pol/main.toml", &[]);
     let proven = with(&findings, &["one step of RK4 x4 is proven to be wrong by at most"]);
     let found = with(&findings, &["the largest error of one step of RK4 x4 that a search found"]);
@@ -148,7 +148,7 @@ fn references_off_the_line_are_named_and_those_on_it_are_not() {
 }
 
 #[test]
-fn a_loop_that_leaves_the_training_domain_is_warned_of() {
+fn a_loop_that_leaves_the_training_domain_triggers_a_warning() {
     // The box of the paper's Table 1, left by h3, h4 and both inputs.
     let findings = findings("four-tanks/main.toml", &["preset=as-released"]);
     for variable in ["h3", "h4", "u1", "u2"] {
@@ -310,7 +310,7 @@ fn motor(sets: &[&str]) -> Vec<Finding> {
 }
 
 #[test]
-fn substeps_that_are_unstable_at_a_reference_are_warned_of() {
+fn substeps_that_are_unstable_at_a_reference_trigger_a_warning() {
     let found = motor(&[]);
     // The friction's slope is 0.02/0.01/1e-3 = 2000 1/s: 2000 * 0.01/4 = 5 is beyond 2.785, and
     // 20/2.785 = 7.2.

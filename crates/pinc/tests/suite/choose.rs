@@ -82,7 +82,7 @@ fn table(outcome: &Outcome) -> String {
 }
 
 #[test]
-fn the_recommended_config_keeps_what_is_promised_and_a_resumed_run_repeats_nothing() {
+fn the_recommended_config_keeps_its_promise_and_a_resumed_run_repeats_nothing() {
     let dir = tempfile::tempdir().unwrap();
     let out = dir.path().join("choice");
     let config = repository("configs/smoke/van-der-pol.toml");
@@ -174,20 +174,20 @@ fn a_stiff_plant_gets_the_method_for_stiff_plants() {
     let out = dir.path().join("choice");
     let said = table(&choose(&config, &out, &[]));
     assert!(said.contains("Use Rosenbrock with"), "{said}");
-    assert!(said.contains("no net was tried and no single step looked at"), "{said}");
+    assert!(said.contains("no net was tried and no error of one step measured"), "{said}");
     let chosen = Experiment::load(&out.join("recommended.toml"), &[], &Plants::built_in()).unwrap();
     assert_eq!(chosen.control.unwrap().models, [ModelKind::ROSENBROCK]);
 }
 
 #[test]
-fn a_plant_that_no_loop_stands_with_is_said() {
+fn a_plant_without_a_working_loop_is_refused() {
     let dir = tempfile::tempdir().unwrap();
     let config = dir.path().join("bolting.toml");
     // x is infinite before the second step ends, whatever u is.
     fs::write(&config, FAST.replace("2e4*(u - x)", "100*(1 + x^2) + 0.01*u")).unwrap();
     let ended = choose(&config, &dir.path().join("choice"), &[]);
     assert_eq!(ended.code, Some(1), "{ended:?}");
-    for part in ["no model to choose", "no loop with an integrator stands", "RK4 x4: "] {
+    for part in ["no model can be chosen", "no loop with an integrator succeeded", "RK4 x4: "] {
         assert!(ended.stderr.contains(part), "{ended:?}");
     }
     assert!(!ended.stderr.contains("panicked"), "{ended:?}");

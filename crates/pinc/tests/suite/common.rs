@@ -1,4 +1,4 @@
-//! What the tests share: configs, and the program to run on them.
+//! Helpers that the tests share: configs, and the program to run on them.
 
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};

@@ -1,4 +1,4 @@
-//! What configs say of closed loops: outputs, what is known before, what is judged in the end.
+//! Closed loops in configs: outputs, known signals, the final judgement.
 
 use crate::common::{Outcome, outcome, pinc, repository};
 use pinc_config::ModelKind;
@@ -167,7 +167,7 @@ fn an_output_is_controlled_with_the_equation_and_with_a_net() {
 }
 
 #[test]
-fn a_bound_of_an_output_holds_and_the_offset_is_said() {
+fn a_bound_of_an_output_holds_and_the_offset_is_reported() {
     let dir = tempfile::tempdir().unwrap();
     let config = LAGS.replace("r = [1.0]", "r = [1.0]\noutput_high = [0.7]");
     let outcome = control(dir.path(), &config, &["--only", "rk4"]);

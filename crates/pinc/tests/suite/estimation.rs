@@ -399,7 +399,7 @@ fn loads_that_make_no_sense_are_refused() {
     let dir = tempfile::tempdir().unwrap();
     let config = written(dir.path(), TANKS);
     for (load, parts) in [
-        ("{ start_s = 0.0 }", &["control.loads[0]`", "what it adds"][..]),
+        ("{ start_s = 0.0 }", &["control.loads[0]`", "what the load adds"][..]),
         ("{ start_s = 300.0, rates = { h1 = 1.0 } }", &["start_s`", "less than the duration"]),
         ("{ start_s = 5.0, rates = { h1 = 1.0 } }", &["start_s`", "whole number of steps"]),
         ("{ start_s = 20.0, end_s = 10.0, rates = { h1 = 1.0 } }", &["end_s`", "more than 20"]),

@@ -46,7 +46,7 @@ fn assert_same_loop(config: &Path, kind: ModelKind, more: &[&str], model: &[&str
 }
 
 #[test]
-fn loops_with_estimators_in_c_are_those_of_the_program() {
+fn loops_with_estimators_in_c_match_the_program() {
     let config = repository("configs/estimation/tanks.toml");
     let ukf = "control.estimator.kind=ukf";
     let (mhe, window) = ("control.estimator.kind=mhe", "control.estimator.window=10");
@@ -77,7 +77,7 @@ fn loops_with_estimators_in_c_are_those_of_the_program() {
 }
 
 #[test]
-fn the_oscillators_loop_in_c_is_that_of_the_program() {
+fn the_oscillators_loop_in_c_matches_the_program() {
     let config = repository("configs/van-der-pol/control.toml");
     assert_eq!(assert_same_loop(&config, ModelKind::RK4, &[], &[]), 120);
     // Weighted differences of inputs.
@@ -113,14 +113,14 @@ fn a_loop_in_c_begins_with_the_input_of_the_config() {
 }
 
 #[test]
-fn the_tanks_loop_in_c_is_that_of_the_program() {
+fn the_tanks_loop_in_c_matches_the_program() {
     let config = repository("configs/four-tanks/control.toml");
     assert_eq!(assert_same_loop(&config, ModelKind::RK4, &[], &[]), 240);
 }
 
 /// A controller with a trained net, which is trained once.
 #[test]
-fn a_loop_with_a_net_in_c_is_that_of_the_program() {
+fn a_loop_with_a_net_in_c_matches_the_program() {
     let dir = tempfile::tempdir().unwrap();
     let config = dir.path().join("smoke.toml");
     fs::write(&config, smoke()).unwrap();
@@ -216,7 +216,7 @@ fn all_targets_are_written() {
     let mut without = pinc(&arguments);
     without.arg(fmu.parent().unwrap()).env("PATH", dir.path());
     if cfg!(all(target_os = "linux", target_arch = "x86_64")) {
-        outcome(&mut without).assert_refused(&["export", "`cc` made no binary", "No such file"]);
+        outcome(&mut without).assert_refused(&["export", "`cc` failed", "No such file"]);
         assert!(!fmu.exists());
     }
     export(&["onnx", config, "--only", "rk4"]).assert_refused(&["--to onnx", "takes a net"]);

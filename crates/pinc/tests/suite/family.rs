@@ -59,7 +59,7 @@ fn offsets(metrics: &serde_json::Value) -> [f64; 2] {
 /// A controller that is told of a worn pump does as well as one with a new pump; one that is not
 /// has an offset, with both models.
 #[test]
-fn a_controller_is_told_of_its_parameters() {
+fn a_controller_gets_its_parameters() {
     let dir = tempfile::tempdir().unwrap();
     let nominal = run(dir.path(), "nominal", &[]);
     let place = &nominal["validation"]["domain_error"]["max_at"];
@@ -78,7 +78,7 @@ fn a_controller_is_told_of_its_parameters() {
 /// A pump that wears in the middle of the run: told of it at that time, the controller has no
 /// offset afterwards; otherwise it has one.
 #[test]
-fn a_controller_is_told_of_parameters_that_change() {
+fn a_controller_gets_parameters_that_change() {
     let dir = tempfile::tempdir().unwrap();
     let config = dir.path().join("tanks.toml");
     fs::write(&config, FAMILY).unwrap();

@@ -224,7 +224,7 @@ fn bad_data_are_answered_in_words() {
         ("identify.parameters.0.name=kk", "`kk` is not known"),
         ("identify.parameters.0.initial=10.0", "a start within its bounds, 0.1 to 9"),
         ("identify.measured=[\"v\"]", "`v` is not known"),
-        ("identify.fixed_initial_state=[8.0]", "no such key beside identify.initial_state"),
+        ("identify.fixed_initial_state=[8.0]", "no such key with identify.initial_state"),
         ("identify.initial_state=[8.0, 1.0]", "2 values given, expected 1"),
         ("identify.step_s=-1.0", "a positive number"),
     ] {

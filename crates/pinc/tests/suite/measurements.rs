@@ -96,7 +96,7 @@ fn bad_sections_are_refused() {
 }
 
 #[test]
-fn a_training_goes_on_with_the_same_measurements_or_not_at_all() {
+fn a_training_resumes_with_the_same_measurements_or_not_at_all() {
     let dir = tempfile::tempdir().unwrap();
     let data = "files = [\"m.csv\"]";
     let config = smoke()

@@ -24,7 +24,7 @@ fn answers() -> Vec<Answer> {
 
 /// The cost agrees to 1e-6, and so do the inputs, in parts of their ranges.
 #[test]
-fn first_plans_are_those_of_ipopt() {
+fn first_plans_match_ipopt() {
     let answers = answers();
     assert!(answers.len() >= 5, "{}", answers.len());
     for Answer { name, objective, inputs, status } in answers {

@@ -82,7 +82,7 @@ fn csv_mistakes_name_line_and_column() {
 }
 
 #[test]
-fn model_files_that_are_none() {
+fn files_that_are_not_model_files() {
     let dir = tempfile::tempdir().unwrap();
     let good = fs::read(data("model.safetensors")).unwrap();
     let with = |bytes: &[u8]| {

@@ -129,7 +129,7 @@ fn damaged_checkpoints_are_refused() {
 
 #[cfg(unix)]
 #[test]
-fn ctrl_c_leaves_a_state_to_go_on_from() {
+fn ctrl_c_leaves_a_state_to_resume_from() {
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join("run");
     let mut child = command(&path, "seed=7", &[]).stderr(Stdio::piped()).spawn().unwrap();

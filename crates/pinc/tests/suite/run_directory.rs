@@ -1,4 +1,4 @@
-//! What a run does with the directory it finds.
+//! Runs in directories that already hold something.
 
 use crate::common::{Outcome, outcome, pinc, repository};
 use std::fs;

@@ -559,11 +559,11 @@ fn assert_table(name: &str, heads: [&str; 4], rows: Vec<[String; 4]>) {
 const WAYS: [&str; 2] = ["`pinc serve`, Python", "C, FMU"];
 
 #[test]
-fn the_table_of_keys_says_what_is_found() {
+fn the_table_of_keys_matches_the_refusals() {
     assert_table("keys.csv", ["key", "`pinc control`", WAYS[0], WAYS[1]], rows_of_keys());
 }
 
 #[test]
-fn the_table_of_configs_says_what_is_found() {
+fn the_table_of_configs_matches_the_refusals() {
     assert_table("configs.csv", ["config", "model", WAYS[0], WAYS[1]], rows_of_configs());
 }

@@ -57,7 +57,7 @@ fn results_are_not_thrown_away_unasked() {
     let text = status(&out);
     assert!(text.contains("16 trials: 4 done, 0 failed, 12 left"), "{text}");
     assert!(text.contains("nets: 2 trained, 6 left"), "{text}");
-    assert!(text.ends_with("nobody works on it\n"), "{text}");
+    assert!(text.ends_with("no process works on it\n"), "{text}");
     for more in [&[][..], &["--shard", "2/4"], &["--shared"]] {
         let refused = ["4 trials, 2 nets", "--resume", "--fresh"];
         run(&config, &out, more).assert_refused(&refused);

@@ -102,7 +102,7 @@ fn mistakes_in_options_are_named() {
         assert!(!out.exists());
     };
     refused("partition", &["--slurm partition", "key=value"]);
-    refused("array=1-3", &["array=1-3", "set by the scripts"]);
+    refused("array=1-3", &["array=1-3", "the scripts set this one"]);
     refused("time=$(rm)", &["time=$(rm)", "without spaces and quotes"]);
     run(&config, &out, &["--set", "sweep.slurm.jobs=0"])
         .assert_refused(&["`sweep.slurm.jobs`", "from 1 to 10000"]);

@@ -52,7 +52,7 @@ const SIX: &str = "n2 = 6\nnu = 6\nstages_s = [10, 10, 20, 40, 80, 140]";
 /// What five stages cannot do at all, and thirty do, six long ones do with less work: the plant
 /// first moves the wrong way.
 #[test]
-fn few_long_stages_control_what_goes_the_wrong_way_first() {
+fn few_long_stages_control_a_response_that_first_goes_the_wrong_way() {
     let short = run("n2 = 5\nnu = 5");
     let equal = run("n2 = 30\nnu = 30");
     let few = run(SIX);

@@ -311,7 +311,7 @@ fn more_draws_leave_the_first_as_they_were() {
 }
 
 #[test]
-fn keys_beside_that_of_an_axis_take_its_values_and_the_time_is_drawn() {
+fn further_keys_of_an_axis_take_its_values_and_the_time_is_drawn() {
     let text =
         fs::read_to_string(crate::common::repository("configs/smoke/rk4-only.toml")).unwrap();
     let dir = tempfile::tempdir().unwrap();

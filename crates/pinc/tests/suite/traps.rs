@@ -27,7 +27,7 @@ fn assert_warns(findings: &[Finding], parts: &[&str]) {
 const GUARDED: &str = "plant.expression.let.s=\"max(S, 0)\"";
 
 #[test]
-fn a_pole_is_warned_of_until_it_is_guarded() {
+fn a_pole_triggers_a_warning_until_it_is_guarded() {
     let found = trap("chemostat.toml", &[]);
     assert_warns(&found, &["let.mu", "s + 0.1 is 0 at", "just outside", "write max(S, 0) for S"]);
     assert_eq!(warnings(&trap("chemostat.toml", &[GUARDED])), [""; 0]);
@@ -79,7 +79,7 @@ fn equations_may_be_in_another_unit_of_time() {
 
 /// A rod of twenty pieces that is heated at one end, and cools at all.
 #[test]
-fn of_many_states_only_a_few_are_written_out() {
+fn only_a_few_of_many_states_are_written_out() {
     let list = |value: &str| vec![value; 20].join(", ");
     let rates: Vec<String> = (1..=20)
         .map(|k| {
@@ -115,7 +115,7 @@ fn of_many_states_only_a_few_are_written_out() {
 }
 
 #[test]
-fn a_kink_is_warned_of_until_it_is_smooth() {
+fn a_kink_triggers_a_warning_until_it_is_smooth() {
     let found = trap("valve.toml", &[]);
     assert_warns(&found, &["the derivative of x' jumps at", "u = 0.3", "let.open", "smooth"]);
     let smooth = "plant.expression.let.open=\"(u - 0.3 + sqrt((u - 0.3)^2 + 0.02^2))/2\"";
@@ -123,7 +123,7 @@ fn a_kink_is_warned_of_until_it_is_smooth() {
 }
 
 #[test]
-fn the_end_of_a_root_is_warned_of_until_it_has_a_slope() {
+fn the_end_of_a_root_triggers_a_warning_until_it_has_a_slope() {
     let found = trap("outflow.toml", &[]);
     assert_warns(&found, &["sqrt(h) is not defined beyond h = 0", "write max(h, 0.02) for h"]);
     let level =
@@ -136,7 +136,7 @@ fn the_end_of_a_root_is_warned_of_until_it_has_a_slope() {
 }
 
 #[test]
-fn a_net_trained_all_the_same_is_warned_of_with_place_and_size() {
+fn a_net_trained_all_the_same_triggers_a_warning_with_place_and_size() {
     let dir = tempfile::tempdir().unwrap();
     let config = repository("crates/pinc/tests/data/traps/chemostat.toml");
     let train = |name: &str, sets: &[&str]| {
