@@ -8,7 +8,7 @@ use crate::open::Open;
 use crate::runge_kutta_c::RungeKuttaModel;
 use pinc_expr::PlantEquations;
 use pinc_mpc::{
-    Bounds, Nmpc, NmpcProblem, PerStage, ProblemUnits, QpMethod, Reference, Softness, SqpConfig,
+    Bounds, NmpcProblem, PerStage, ProblemUnits, QpMethod, Reference, Softness, SqpConfig,
     SqpHessian, Tracked, Weight,
 };
 use pinc_net::{PincModel, PincNet};

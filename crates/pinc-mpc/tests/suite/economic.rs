@@ -258,7 +258,7 @@ fn a_real_time_iteration_is_refused() {
     let weights = Weights::uniform(vec![0.0], vec![0.0]);
     let builder = Nmpc::builder(NmpcProblem::new(Dims::new(1, 1), 3, weights)).model(Box::new(Sum));
     let config = SqpConfig { real_time: true, ..SqpConfig::default() };
-    let built = builder.config(config).stage_cost(Box::new(Wells)).build();
+    let built = builder.config(config).stage_cost(Box::new(Wells { slope: 0.0 })).build();
     assert_eq!(built.unwrap_err(), MpcError::CurvedInRealTime);
 }
 
@@ -268,7 +268,7 @@ struct Priced(f64);
 
 impl StageCost for Priced {
     fn quadratize(&mut self, at: StagePoint<'_>, out: &mut QuadBlock) {
-        Wells.quadratize(at, out);
+        Wells { slope: 0.0 }.quadratize(at, out);
         out.value *= self.0;
         out.by_x[0] *= self.0;
         out.by_u[0] *= self.0;

@@ -138,7 +138,7 @@ fn commands_that_cannot_be_carried_out_change_nothing() {
 /// say does not.
 #[test]
 fn a_line_says_how_long_its_step_may_take() {
-    let mut served = Served::new(&"van-der-pol/control.toml", &[]);
+    let mut served = Served::new("van-der-pol/control.toml", &[]);
     let hurried = served.ask(&json!({ "y": [0.5, 0.1], "budget_us": 1e-3 }));
     assert_eq!(hurried["status"], "deadline", "{hurried}");
     for budget_us in [json!(null), json!(1e308)] {
