@@ -1,6 +1,6 @@
 //! The general backend: Clarabel's interior-point method.
 
-use super::{Kind, Limits, Qp, QpSolver, QpStatus, QpStep, QpWork, Row};
+use super::{FARTHEST, Kind, Limits, Qp, QpSolver, QpStatus, QpStep, QpWork, Row};
 use clarabel::algebra::CscMatrix;
 use clarabel::solver::{
     DefaultSettings, DefaultSolver, IPSolver, NonnegativeConeT, SolverStatus, ZeroConeT,
@@ -127,9 +127,21 @@ impl ClarabelQp {
         }
     }
 
-    /// The row that weighs most in the certificate of infeasibility.
+    /// The row that weighs most in the certificate of infeasibility (Farkas): M'z = 0 and r'z < 0.
+    /// Clarabel measures M'z against sizes of r and z that may be large; here no step within
+    /// [`FARTHEST`] may make up for what is left of it.
     fn conflict(&self) -> Option<Row> {
-        let weights = &self.solver.solution.z[self.layout.dynamics..];
+        let z = &self.solver.solution.z;
+        let mut slope = vec![0.0; self.layout.columns];
+        for (entry, value) in self.layout.entries.iter().zip(&self.matrix) {
+            slope[entry.column] += value * z[entry.row];
+        }
+        let remainder: f64 = slope.iter().map(|s| s.abs()).sum();
+        let height: f64 = self.right.iter().zip(z).map(|(right, z)| right * z).sum();
+        if height + FARTHEST * remainder >= 0.0 {
+            return None;
+        }
+        let weights = &z[self.layout.dynamics..];
         let lines = self.layout.lines.iter().zip(weights);
         let (line, weight) = lines.max_by(|(_, z), (_, w)| z.abs().total_cmp(&w.abs()))?;
         let upper = if line.equality { *weight > 0.0 } else { line.row.upper };

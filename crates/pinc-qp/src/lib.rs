@@ -62,6 +62,9 @@ use algebra::{add_transposed, block, block_mut};
 use std::fmt::Debug;
 use std::ops::Range;
 
+/// Steps that are longer than this are not considered when rows are proved to contradict each other.
+const FARTHEST: f64 = 1e5;
+
 /// The control problem linearized at a point z, in the unknown step `d = (dx_1, .., du_0, ..)`:
 ///
 /// ```text

@@ -3,7 +3,7 @@
 use super::newton::{Newton, stiffness};
 use super::rows::Rows;
 use crate::algebra::largest;
-use crate::{Qp, QpWork};
+use crate::{FARTHEST, Qp, QpWork};
 
 /// How many iterations may be taken.
 const ITERATIONS: usize = 150;
@@ -21,10 +21,6 @@ const STIFFNESS: f64 = 1e2;
 
 /// How far towards the boundary a step goes.
 const FRACTION: f64 = 0.995;
-
-/// Inputs that are farther away than this are not considered when rows are proved to contradict
-/// each other.
-const FARTHEST: f64 = 1e5;
 
 /// How the iteration ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
