@@ -37,7 +37,8 @@ fn the_gate_is_a_width_or_off() {
 fn a_gate_in_a_file_is_refused_with_its_place() {
     let tanks = read("configs/estimation/tanks.toml");
     for (gate, said) in [("0.0", "positive and finite"), ("\"wide\"", "expected a number")] {
-        let text = format!("{tanks}\ngate = {gate}\n");
+        let text = tanks
+            .replace("[control.estimator]\n", &format!("[control.estimator]\ngate = {gate}\n"));
         let error = parse(&text, &[]).unwrap_err();
         assert!(error.contains("test.toml") && error.contains("gate"), "{error}");
         assert!(error.contains(said), "{error}");

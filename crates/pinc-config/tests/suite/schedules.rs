@@ -178,7 +178,7 @@ fn bounds_are_functions_of_t() {
     for (set, expected) in [
         (
             "[{ start_s = 1.0, state_high = { v = 2.0 } }]",
-            "expected a bound control.state_high of v",
+            "expected a bound of v in control.state_high",
         ),
         ("[{ start_s = 1.0, state_high = { y = 2.0 } }]", "`y` is not known; expected one of x, v"),
         ("[{ start_s = 1.0, input_low = { u = 2.0 } }]", "lower bounds below upper bounds"),

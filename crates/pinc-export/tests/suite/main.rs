@@ -9,6 +9,7 @@ mod feedback_fmu;
 mod fmu;
 mod guard;
 mod net;
+mod refusals;
 mod rust_plants;
 mod start;
 mod variants;

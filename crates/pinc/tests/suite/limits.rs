@@ -93,7 +93,7 @@ fn names_are_no_formulas_and_tell_cases_apart() {
     for formula in ["=1+1", "+1", "-1", "@SUM(A1)"] {
         config(["a", formula]).assert_refused(&["`sweep.cases[1].name`", "formula"]);
     }
-    config(["a", "a"]).assert_refused(&["`sweep.cases[1].name`", "another name"]);
+    config(["a", "a"]).assert_refused(&["`sweep.cases[1].name`", "a name that no earlier one has"]);
 }
 
 #[test]

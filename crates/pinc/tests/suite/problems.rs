@@ -194,7 +194,7 @@ input_high = [2.0]
 output_low = [-inf]
 output_high = [0.0]
 cost = { stage = "speed^2" }
-sqp = { max_iterations = 300 }
+sqp = { max_iterations = 400 }
 "#;
 
 /// Straight on the boat is led north of the island. 64 random starts of IPOPT end there or south of it
