@@ -41,7 +41,7 @@ impl Source {
         config: &Bound<'_, PyAny>,
         overrides: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<Self> {
-        let helpers = config.py().import("pinc._config")?;
+        let helpers = config.py().import("pinc_nmpc._config")?;
         let resolved = helpers.call_method1("resolve", (config, overrides))?;
         let (path, text, sets) = resolved.extract()?;
         Ok(Self { path, text, sets })

@@ -4,8 +4,8 @@ use pinc_config::ConfigError;
 use pyo3::exceptions::PyKeyboardInterrupt;
 use pyo3::{PyErr, import_exception};
 
-import_exception!(pinc._errors, InputError);
-import_exception!(pinc._errors, RunError);
+import_exception!(pinc_nmpc._errors, InputError);
+import_exception!(pinc_nmpc._errors, RunError);
 
 /// Something given that cannot be used.
 pub(crate) fn input(message: impl Into<String>) -> PyErr {

@@ -252,6 +252,6 @@ impl Model {
     /// The model as a function of CasADi, in SX.
     #[pyo3(signature = (name="pinc"))]
     fn casadi<'py>(slf: &Bound<'py, Self>, name: &str) -> PyResult<Bound<'py, PyAny>> {
-        slf.py().import("pinc._casadi")?.call_method1("function", (slf, name))
+        slf.py().import("pinc_nmpc._casadi")?.call_method1("function", (slf, name))
     }
 }

@@ -116,6 +116,6 @@ fn show(
         validation_mse: now.validation_mse,
     };
     let answer = progress.bind(py).call1((shown,))?;
-    let stops = answer.is(&py.import("pinc._stop")?.getattr("STOP")?);
+    let stops = answer.is(&py.import("pinc_nmpc._stop")?.getattr("STOP")?);
     Ok(if stops { ControlFlow::Break(()) } else { ControlFlow::Continue(()) })
 }
