@@ -135,7 +135,7 @@ def test_messages_name_arguments_of_python(smoke: Path) -> None:
     with pytest.raises(pinc.InputError, match="overrides, ") as told:
         pinc.check(smoke, {"control.n2": "many"})
     assert "--" not in str(told.value)
-    with pytest.raises(pinc.InputError, match="needs model=") as told:
+    with pytest.raises(pinc.InputError, match="give model=") as told:
         pinc.Nmpc(smoke)
     assert "--" not in str(told.value)
     process = {"plant": None, "plant.process": {"command": ["x"], "states": [], "inputs": []}}

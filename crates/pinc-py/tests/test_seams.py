@@ -53,7 +53,7 @@ class Loop:
         within = {
             key: [{**change, "start_s": 3 * i * self.step_s} for i, change in begins]
             for key, begins in (
-                ("references", enumerate(control["references"][:4])),
+                ("references", enumerate(control.get("references", [])[:4])),
                 ("plant_schedule", enumerate(control.get("plant_schedule", [])[:3], start=1)),
             )
             if key in control

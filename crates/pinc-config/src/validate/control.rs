@@ -96,11 +96,9 @@ fn error_tolerance(spec: &ControlSpec, variables: &Variables) -> Checked {
 
 fn starts(spec: &ControlSpec) -> Checked {
     at_least_one("control.sqp.starts", spec.sqp.starts)?;
-    let mut bounds = spec.input_low.iter().chain(&spec.input_high);
     for (other, is_there) in [
         ("sqp.real_time", spec.sqp.real_time),
         ("[control.uncertainty]", spec.uncertainty.is_some()),
-        ("infinite bounds of inputs", bounds.any(|bound| bound.is_infinite())),
     ] {
         if is_there && spec.sqp.starts > 1 {
             return value("control.sqp.starts", spec.sqp.starts, &format!("1 with {other}"));

@@ -215,7 +215,7 @@ fn several_starts_find_the_shorter_way_round() {
     assert!((south - 0.749488).abs() < 1e-6, "{south}");
     for (sets, expected) in [
         (vec!["control.sqp.starts=0"], "`control.sqp.starts`"),
-        (vec!["control.sqp.starts=2", "control.input_low=[-inf]"], "infinite bounds"),
+        (vec!["control.sqp.starts=2", "control.sqp.real_time=true"], "sqp.real_time"),
     ] {
         let message = parse(ISLAND, &sets).unwrap_err();
         assert!(message.contains(expected), "{message}");
