@@ -48,6 +48,7 @@ impl std::fmt::Display for Score {
         match self.failed {
             0 => write!(f, "{:.4}", self.cost),
             usize::MAX => write!(f, "all loops failed"),
+            1 => write!(f, "{:.4} (1 loop failed)", self.cost),
             failed => write!(f, "{:.4} ({failed} loops failed)", self.cost),
         }
     }
