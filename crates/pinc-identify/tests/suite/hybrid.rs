@@ -145,9 +145,9 @@ fn a_law_of_friction_is_found_to_two_percent() {
     let law = |v: f64| 0.5 * v + 0.6 * (v / 0.3).tanh() * (1.0 + 0.5 * (-(v * v)).exp());
     let text = "u - 0.5*v - 0.6*tanh(v/0.3)*(1 + 0.5*exp(-v^2))";
     let truth = plant(&[("x", "v + 0*k"), ("v", text)], &["u"], &[("k", 1.0)], &["k"]);
-    let u = steps(4, 240, 10, (-3.0, 3.0));
+    let u = steps(4, 400, 10, (-3.0, 3.0));
     let x = simulated(&mut *truth.model(Integrator::Rk4, 0.1, 4).unwrap(), &[0.0, 0.0], &u, &[1.0]);
-    let y: Vec<f64> = x.iter().step_by(2).zip(noise(8, 1e-3, 240)).map(|(x, e)| x + e).collect();
+    let y: Vec<f64> = x.iter().step_by(2).zip(noise(8, 1e-3, 400)).map(|(x, e)| x + e).collect();
     let equations = with_net(&[("x", "v"), ("v", "u - drag_force")], &["v"], 6);
     let (found, plant, _) = learned(&equations, (&[0], 1e-3, &[0.0, 0.0]), (&u, &y), 0.1);
     let (low, high) = x
