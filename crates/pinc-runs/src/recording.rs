@@ -28,8 +28,8 @@ pub(super) struct Totals {
     sqp_iterations: usize,
     /// How far the inputs moved from step to step, in widths of their bounds.
     pub(super) input_travel: f64,
-    /// The input before this step, once there is one.
-    before: Option<Vec<f64>>,
+    /// The input of the last step; empty before the first.
+    before: Vec<f64>,
     /// In how many steps negative curvature was dropped.
     pub(super) curvature_dropped: usize,
     /// The cost of the first plan.
@@ -54,11 +54,11 @@ impl Totals {
     }
 
     fn add_input(&mut self, u: &[f64], widths: &[f64]) {
-        if let Some(before) = self.before.replace(u.to_vec()) {
-            let moves = u.iter().zip(&before).zip(widths);
-            self.input_travel +=
-                moves.map(|((u, before), width)| (u - before).abs() / width).sum::<f64>();
-        }
+        let moves = u.iter().zip(&self.before).zip(widths);
+        self.input_travel +=
+            moves.map(|((u, before), width)| (u - before).abs() / width).sum::<f64>();
+        self.before.clear();
+        self.before.extend_from_slice(u);
     }
 
     /// SQP iterations per step.
