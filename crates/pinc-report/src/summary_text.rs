@@ -20,6 +20,7 @@ pub(crate) fn sentences(run: &Run) -> String {
         metrics.validation.as_ref().and_then(|of| over_the_domain(of, metrics)),
         metrics.domain_finding().map(|finding| finding.to_string()),
         tracking(run, metrics),
+        starts(run, metrics),
         speed(run, metrics),
         statuses(metrics),
     ];
@@ -91,6 +92,16 @@ fn difference(pinc: f64, rk4: f64) -> String {
         same if same == "the same" => String::new(),
         other => format!(": the net's is {other} than RK4's"),
     }
+}
+
+/// From which of several starts each controller's first plan is.
+fn starts(run: &Run, metrics: &Metrics) -> Option<String> {
+    let with = |of: &ControlMetrics| {
+        let start = of.start.as_ref()?;
+        Some(format!("With {} {start}.", run.model_name(Some(of.model))))
+    };
+    let each: Vec<String> = metrics.control.iter().filter_map(with).collect();
+    (!each.is_empty()).then(|| each.join(" "))
 }
 
 fn speed(run: &Run, metrics: &Metrics) -> Option<String> {

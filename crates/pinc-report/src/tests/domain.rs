@@ -93,6 +93,16 @@ fn the_errors_of_the_net_are_drawn_along_the_loop() {
 }
 
 #[test]
+fn the_start_of_the_first_plan_is_named() {
+    let dir = whole();
+    assert!(!build(dir.path()).unwrap().contains("the first plan."));
+    let started = r#""start": { "starts": 8, "best": 2 }, "model": "pinc","#;
+    write(&dir, "metrics.json", &METRICS.replacen(r#""model": "pinc","#, started, 1));
+    let html = build(dir.path()).unwrap();
+    assert!(html.contains("With PINC start 3 of 8 gives the first plan."));
+}
+
+#[test]
 fn failed_steps_are_marked_where_the_state_was() {
     let dir = whole();
     // Step 42 of both models ended at its iteration limit.
