@@ -195,13 +195,6 @@ impl Experiment {
         values: impl IntoIterator<Item = (&'a str, Value)>,
     ) -> Result<Self, (String, Problem)> {
         for (key, value) in values {
-            // The plant in the loop is the config's own unless it says otherwise.
-            if key.starts_with("control.plant.")
-                && let Some(plant) = table.get("plant").cloned()
-                && let Some(Value::Table(control)) = table.get_mut("control")
-            {
-                control.entry("plant").or_insert(plant);
-            }
             layers::assign(&mut table, key, value).map_err(|path| {
                 let expected = format!("a key that can be set: `{path}` has no such element");
                 (key.to_owned(), Problem::Value { found: format!("`{key}`"), expected })

@@ -167,12 +167,20 @@ impl Layers {
 
 /// Puts a value under a key path as `training.phases.0.iterations`, with the tables that lack for
 /// it. Returns the path as errors write it and the value that was there, or as much of the path as
-/// leads to something that holds no keys.
+/// leads to something that holds no keys. The plant in the loop is the config's own unless the table
+/// has another: a key in it changes a copy.
 pub(super) fn assign(
     table: &mut Table,
     key: &str,
     value: Value,
 ) -> Result<(String, Value), String> {
+    if let Some(own) = key.strip_prefix("control.plant.")
+        && let Some(Value::Table(plant)) = table.get("plant").cloned()
+        && own.split('.').next().is_some_and(|kind| plant.contains_key(kind))
+        && let Some(Value::Table(control)) = table.get_mut("control")
+    {
+        control.entry("plant").or_insert(Value::Table(plant));
+    }
     let mut path = String::new();
     let mut root = Value::Table(std::mem::take(table));
     let mut place = Some(&mut root);

@@ -162,6 +162,19 @@ fn overrides_are_toml_or_bare_words() {
     assert_eq!(format!("{:?}", experiment.plant), "VanDerPol(VanDerPolSpec { mu: 2.0 })");
 }
 
+/// As in a sweep and a tuning.
+#[test]
+fn a_key_of_the_plant_in_the_loop_changes_a_copy_of_the_configs_plant() {
+    let path = repository("configs/gallery/cart-pole.toml");
+    let set = "control.plant.expression.parameters.cart_mass=1.5".to_owned();
+    let experiment = Experiment::load(&path, &[set], &Plants::built_in()).unwrap();
+    let (own, real) = (&experiment.plant, experiment.plant_in_the_loop());
+    let mut expected = own.parameters();
+    assert_ne!(expected.insert("cart_mass".into(), 1.5), Some(1.5));
+    assert_eq!(real.parameters(), expected);
+    assert_eq!(real.variables(), own.variables());
+}
+
 #[test]
 fn fingerprints_tell_configs_apart() {
     let fingerprint = |sets: &[&str]| parse(LAYERED, sets).unwrap().fingerprint();
