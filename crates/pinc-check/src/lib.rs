@@ -22,6 +22,7 @@ mod irregularities;
 mod kept;
 mod loop_plant;
 mod memory;
+mod minimized;
 mod net_size;
 mod numbers;
 mod proven;
@@ -70,7 +71,7 @@ const fn on(topic: &'static str, examine: fn(&Subject<'_>) -> Vec<Finding>) -> E
 }
 
 /// All of them, in the order of their findings.
-const EXAMINATIONS: [Examination; 19] = [
+const EXAMINATIONS: [Examination; 20] = [
     on("dimensions", dimensions),
     on("values and derivatives", derivatives::examine),
     on("algebraic variables", algebraic::examine),
@@ -90,14 +91,16 @@ const EXAMINATIONS: [Examination; 19] = [
     on("costs", cost::examine),
     on("the size of the net", net_size::examine),
     on("measurements", data::examine),
+    on("what is minimized", minimized::examine),
 ];
 
 /// Those that need no equation.
-const OF_BLACK_BOXES: [Examination; 4] = [
+const OF_BLACK_BOXES: [Examination; 5] = [
     on("dimensions", dimensions),
     on("the black box", without_equation),
     on("the memory of the black box", memory::examine),
     on("the closed loop", rehearsal::examine),
+    on("what is minimized", minimized::examine),
 ];
 
 /// Values of references for which steady states are looked for.

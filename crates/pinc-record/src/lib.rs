@@ -63,7 +63,8 @@ pub use tables::{
     ControlColumns, ControlReader, ControlRow, ControlWriter, DomainErrorTable, EstimateRow,
     EstimateTable, FixedReader, FixedWriter, ModelErrorRow, ModelErrorTable, PredictionRow,
     PredictionTable, ResidualRow, ResidualTable, StepRow, SummaryRow, SummaryTable, TrainingRow,
-    TrialColumn, TrialMetric, TrialStatus, TrialTable, fixed_table, read_fixed_table,
+    TrialColumn, TrialMetric, TrialStatus, TrialTable, UnknownMetric, fixed_table,
+    read_fixed_table,
 };
 pub use times::{StepTimes, WallTimes};
 pub use verdict::advice;

@@ -40,7 +40,7 @@ impl<'a> Search<'a> {
     #[must_use]
     pub fn of(experiment: &'a Experiment, trials: &[Trial]) -> Option<Self> {
         let spec = experiment.sweep.as_ref()?.search.as_ref()?;
-        let metric = TrialMetric::searched(experiment)?;
+        let metric = TrialMetric::searched(experiment).ok()??;
         let mut groups: Vec<Vec<Vec<Vec<usize>>>> = Vec::new();
         for (i, trial) in trials.iter().enumerate() {
             let Some(SearchPlace { group, candidate, rung }) = trial.search else { continue };

@@ -1,13 +1,13 @@
 //! Errors of an experiment.
 
-use pinc_config::{ConfigError, ModelKind};
+use pinc_config::{ConfigError, Experiment, ModelKind};
 use pinc_estimate::EstimateError;
 use pinc_export::ExportError;
 use pinc_identify::IdentifyError;
 use pinc_mpc::MpcError;
 use pinc_net::{ModelError, NetError};
 use pinc_ode::OdeError;
-use pinc_record::RecordError;
+use pinc_record::{RecordError, UnknownMetric};
 use pinc_report::ReportError;
 use pinc_tube::TubeError;
 use pinc_verify::VerifyError;
@@ -329,6 +329,12 @@ impl RunError {
     pub fn missing_section(name: &str, section: &str, command: &str) -> Self {
         let problem = format!("the config has no section [{section}], which `{command}` needs");
         Self::usage(name, problem)
+    }
+
+    /// The config's trials lack a metric that is to be minimized.
+    #[must_use]
+    pub fn unknown_metric(experiment: &Experiment, problem: &UnknownMetric) -> Self {
+        Self::usage(&experiment.name, format!("`{}`: {problem}", problem.key))
     }
 
     /// The closed loop of the config `name` lacks the requested model.

@@ -120,18 +120,7 @@ fn made(experiment: &Experiment) -> Result<Vec<Trial>, RunError> {
     if experiment.sweep.is_none() {
         return Err(RunError::missing_section(&experiment.name, "sweep", "a sweep"));
     }
-    if let Some(search) = &experiment.sweep.as_ref().and_then(|sweep| sweep.search.as_ref())
-        && TrialMetric::searched(experiment).is_none()
-    {
-        let known = TrialMetric::results(experiment).into_iter().filter(|m| m.is_number());
-        let known: Vec<String> = known.map(TrialMetric::name).collect();
-        let problem = format!(
-            "`sweep.search.minimize`: \"{}\" given, expected one of {}",
-            search.minimize,
-            known.join(", ")
-        );
-        return Err(RunError::usage(&experiment.name, problem));
-    }
+    TrialMetric::searched(experiment).map_err(|e| RunError::unknown_metric(experiment, &e))?;
     Ok(trials(experiment).expect("the experiment was checked, and its trials with it"))
 }
 

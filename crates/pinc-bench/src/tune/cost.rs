@@ -2,7 +2,7 @@
 
 use super::Tried;
 use pinc_config::{Candidate, Experiment, TuneSpec};
-use pinc_record::{Ending, Finished, TrialMetric};
+use pinc_record::{CsvText, Ending, Finished, TrialMetric};
 use pinc_runs::{RunError, verdict};
 use std::cmp::Ordering;
 use std::fmt::Write as _;
@@ -69,27 +69,10 @@ impl std::fmt::Display for Cost {
 
 impl Cost {
     /// The cost of `[tune]` for the loops of `base`, which has one model.
-    pub(super) fn of(base: &Experiment, spec: &TuneSpec) -> Result<Self, RunError> {
-        let model = base.control.iter().flat_map(|control| &control.models).next();
-        let prefix = model.map_or_else(String::new, |model| format!("{model}_"));
-        let known: Vec<(String, TrialMetric)> = TrialMetric::results(base)
-            .into_iter()
-            .filter(|metric| metric.is_number())
-            .filter_map(|metric| Some((metric.name().strip_prefix(&prefix)?.to_owned(), metric)))
-            .collect();
-        let term = |(name, weight): (&str, f64)| {
-            let found = known.iter().find(|(known, _)| known == name);
-            let Some((_, metric)) = found else {
-                let names: Vec<&str> = known.iter().map(|(name, _)| name.as_str()).collect();
-                let problem = format!(
-                    "`tune.cost`: \"{name}\" given, expected metrics of a closed loop: {}",
-                    names.join(", ")
-                );
-                return Err(RunError::usage(&base.name, problem));
-            };
-            Ok(Term { metric: *metric, name: name.to_owned(), weight, scale: 1.0 })
-        };
-        Ok(Self { terms: spec.weights().into_iter().map(term).collect::<Result<_, _>>()? })
+    pub(super) fn of(base: &Experiment) -> Result<Self, RunError> {
+        let metrics = TrialMetric::tuned(base).map_err(|e| RunError::unknown_metric(base, &e))?;
+        let term = |(metric, name, weight)| Term { metric, name, weight, scale: 1.0 };
+        Ok(Self { terms: metrics.into_iter().map(term).collect() })
     }
 
     /// Divides metrics with a unit by their means in these loops.
@@ -124,29 +107,24 @@ impl Cost {
     }
 
     /// All candidates, the config as it is written first.
-    pub(super) fn table(&self, spec: &TuneSpec, tried: &[Tried]) -> String {
+    pub(super) fn table(&self, spec: &TuneSpec, tried: &[Tried]) -> CsvText {
         let names = self.terms.iter().map(|term| term.name.as_str());
         let keys: Vec<&str> = spec.ranges.iter().map(|range| range.key.as_str()).collect();
         let head = ["candidate", "failed", "cost"].into_iter().chain(names).chain(keys.clone());
-        let mut text = head.collect::<Vec<_>>().join(",") + "\n";
+        let mut table = CsvText::new(head);
         for (i, (values, score)) in tried.iter().enumerate() {
-            let failed = if score.failed == usize::MAX {
-                "all".to_owned()
-            } else {
-                score.failed.to_string()
+            let failed = match score.failed {
+                usize::MAX => "all".to_owned(),
+                failed => failed.to_string(),
             };
-            let _ = write!(text, "{i},{failed},{}", score.cost);
-            for place in 0..self.terms.len() {
-                let mean = score.means.get(place).map_or_else(String::new, f64::to_string);
-                let _ = write!(text, ",{mean}");
-            }
-            for key in &keys {
-                let value = values.get(*key).map_or_else(String::new, ToString::to_string);
-                let _ = write!(text, ",{value}");
-            }
-            text.push('\n');
+            let means = (0..self.terms.len()).map(|place| score.means.get(place));
+            let means = means.map(|mean| mean.map_or_else(String::new, f64::to_string));
+            let values = keys.iter().map(|key| values.get(*key));
+            let values = values.map(|v| v.map_or_else(String::new, ToString::to_string));
+            let row = [i.to_string(), failed, score.cost.to_string()];
+            table.push(row.into_iter().chain(means).chain(values));
         }
-        text
+        table
     }
 
     /// The two configs side by side: their values, and their loops that were held out.

@@ -13,10 +13,9 @@ use pinc_runs::progress::{Stage, Verbosity};
 use pinc_runs::{Options, RunError, Threads, train_shared};
 use rand::rngs::ChaCha8Rng;
 use rand::{RngExt, SeedableRng};
+use rayon::prelude::*;
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
-use std::sync::Mutex;
-use std::sync::atomic::{AtomicUsize, Ordering};
 
 /// The table of all candidates, the config with the best, and the sweep that compares it with the
 /// config as it is written.
@@ -64,7 +63,7 @@ pub fn tune(
     let missing = |section| RunError::missing_section(&experiment.name, section, "pinc tune");
     let spec = experiment.tune.as_ref().ok_or_else(|| missing("tune"))?;
     let base = base(experiment, only)?;
-    let cost = Cost::of(&base, spec)?;
+    let cost = Cost::of(&base)?;
     let run_dir = RunDir::open(dir, experiment, std::process::id())?;
     let begun = invocation(options.arguments);
     run_dir.write_provenance(&Provenance::of(experiment, begun.clone()), options.resume)?;
@@ -199,31 +198,8 @@ impl Session<'_> {
                 train_shared(training, &net, &self.begun, &Threads::new(&cores), self.options)?;
             }
         }
-        let results: Mutex<Vec<Option<Finished>>> = Mutex::new(vec![None; all.len()]);
-        let (next, failure) = (AtomicUsize::new(0), Mutex::new(None));
-        let work = || {
-            loop {
-                let i = next.fetch_add(1, Ordering::Relaxed);
-                let Some(trial) = all.get(i) else { return };
-                match self.one(trial) {
-                    Ok(finished) => lock(&results)[i] = Some(finished),
-                    Err(error) => {
-                        lock(&failure).get_or_insert(error);
-                        next.store(all.len(), Ordering::Relaxed);
-                    }
-                }
-            }
-        };
-        std::thread::scope(|scope| {
-            for _ in 1..cores().min(all.len()) {
-                scope.spawn(work);
-            }
-            work();
-        });
-        if let Some(error) = lock(&failure).take() {
-            return Err(error);
-        }
-        let mut results = std::mem::take(&mut *lock(&results)).into_iter().flatten();
+        let results = all.into_par_iter().map(|trial| self.one(trial));
+        let mut results = results.collect::<Result<Vec<_>, _>>()?.into_iter();
         Ok(candidates.iter().map(|trials| results.by_ref().take(trials.len()).collect()).collect())
     }
 
@@ -282,8 +258,4 @@ impl Session<'_> {
         let report = write_report(&experiment, &all, &dir, &self.sweep_dir)?;
         Ok((report, [0, 1].map(|case| cost.score(&self.base, &results[case]))))
     }
-}
-
-fn lock<T>(mutex: &Mutex<T>) -> std::sync::MutexGuard<'_, T> {
-    mutex.lock().unwrap_or_else(std::sync::PoisonError::into_inner)
 }

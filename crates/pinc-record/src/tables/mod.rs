@@ -23,5 +23,5 @@ pub use residuals::{ResidualRow, ResidualTable};
 pub use steps::StepRow;
 pub use summary::{SummaryRow, SummaryTable};
 pub use training::TrainingRow;
-pub use trial_metric::TrialMetric;
+pub use trial_metric::{TrialMetric, UnknownMetric};
 pub use trials::{TrialColumn, TrialStatus, TrialTable};

@@ -11,6 +11,16 @@ pub struct TrialMetric {
     model: Option<ModelKind>,
 }
 
+/// A metric that a config asks for and that its trials do not have.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("\"{name}\" given, expected one of {}", known.join(", "))]
+pub struct UnknownMetric {
+    /// The key that names the metric.
+    pub key: &'static str,
+    name: String,
+    known: Vec<String>,
+}
+
 impl Metric {
     /// The metric of a trial's net.
     #[must_use]
@@ -57,13 +67,48 @@ impl TrialMetric {
         of_net.into_iter().map(Metric::of_net).chain(models.iter().flat_map(with)).collect()
     }
 
-    /// The number that the search of an experiment minimizes; none if there is no such search, or
-    /// no such number.
-    #[must_use]
-    pub fn searched(experiment: &Experiment) -> Option<Self> {
-        let name = &experiment.sweep.as_ref()?.search.as_ref()?.minimize;
-        let mut numbers = Self::results(experiment).into_iter().filter(|metric| metric.is_number());
-        numbers.find(|metric| metric.name() == *name)
+    /// Those of [`results`](Self::results) that are numbers.
+    fn numbers(experiment: &Experiment) -> impl Iterator<Item = Self> {
+        Self::results(experiment).into_iter().filter(|metric| metric.is_number())
+    }
+
+    /// The number that the search of an experiment minimizes; `None` without a search.
+    ///
+    /// # Errors
+    ///
+    /// [`UnknownMetric`] if its trials have no such number.
+    pub fn searched(experiment: &Experiment) -> Result<Option<Self>, UnknownMetric> {
+        let search = experiment.sweep.as_ref().and_then(|sweep| sweep.search.as_ref());
+        let Some(name) = search.map(|search| &search.minimize) else { return Ok(None) };
+        let found = Self::numbers(experiment).find(|metric| metric.name() == *name);
+        found.map(Some).ok_or_else(|| UnknownMetric {
+            key: "sweep.search.minimize",
+            name: name.clone(),
+            known: Self::numbers(experiment).map(Self::name).collect(),
+        })
+    }
+
+    /// The numbers that a tuning minimizes the sum of, those of the first model's loop, with their
+    /// names without the model's and their weights; none without `[tune]`.
+    ///
+    /// # Errors
+    ///
+    /// [`UnknownMetric`] if a loop has no such number.
+    pub fn tuned(experiment: &Experiment) -> Result<Vec<(Self, String, f64)>, UnknownMetric> {
+        let Some(tune) = &experiment.tune else { return Ok(Vec::new()) };
+        let model = experiment.control.iter().flat_map(|control| &control.models).next();
+        let prefix = model.map_or_else(String::new, |model| format!("{model}_"));
+        let own = |metric: Self| Some((metric.name().strip_prefix(&prefix)?.to_owned(), metric));
+        let known: Vec<(String, Self)> = Self::numbers(experiment).filter_map(own).collect();
+        let weighted = |(name, weight): (&str, f64)| match known.iter().find(|(n, _)| n == name) {
+            Some((_, metric)) => Ok((*metric, name.to_owned(), weight)),
+            None => Err(UnknownMetric {
+                key: "tune.cost",
+                name: name.to_owned(),
+                known: known.iter().map(|(name, _)| name.clone()).collect(),
+            }),
+        };
+        tune.weights().into_iter().map(weighted).collect()
     }
 
     /// Whether it is a number rather than a name.

@@ -21,7 +21,7 @@ struct Entry<'a> {
 /// The search of an experiment, with what it minimizes.
 pub(super) fn of(experiment: &Experiment) -> Option<(&SearchSpec, TrialMetric)> {
     let search = experiment.sweep.as_ref()?.search.as_ref()?;
-    Some((search, TrialMetric::searched(experiment)?))
+    Some((search, TrialMetric::searched(experiment).ok()??))
 }
 
 /// The candidates with their medians, the best of the largest budget first.

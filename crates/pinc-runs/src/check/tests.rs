@@ -582,3 +582,11 @@ fn a_net_of_a_stiff_equation_is_to_be_distilled() {
         assert!(found.iter().all(|f| f.place != "training.source"), "{found:?}");
     }
 }
+
+#[test]
+fn a_metric_that_no_loop_has_is_an_error() {
+    let tune = "[tune]\nranges = [{ key = \"control.r.0\", low = 0.1, high = 1.0 }]\n";
+    let with = |cost: &str| findings_with(Test::Damped, &[], &format!("{tune}{cost}"));
+    assert_found(&with("cost = { iea = 1.0 }"), Error, "tune.cost", "expected one of");
+    assert!(with("cost = { iae = 1.0 }").iter().all(|f| f.place != "tune.cost"));
+}
