@@ -6,6 +6,9 @@ use pinc_mpc::{Nmpc, Tracked};
 /// A plan breaks its bounds if it is outside by more than this part of a bound's size.
 const TOLERANCE: f64 = 1e-6;
 
+/// The parts of the way from the shifted plan to the net's that are tried, the longest last.
+const PARTS: [f64; 3] = [0.25, 0.5, 1.0];
+
 /// A plan by the model: its cost, and by how much its states are outside their bounds at most, as a
 /// part of the bounds' sizes.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -16,9 +19,10 @@ pub struct Rating {
     pub violation: f64,
 }
 
-/// A net whose plans are checked by one rollout of the model each: a plan is kept if it stays
-/// within the bounds and costs no more than the plan before it, shifted; otherwise the shifted plan
-/// goes on. If both break the bounds, the one that breaks them less is taken.
+/// A net whose plans are checked by rollouts of the model: a plan is kept if it stays within the
+/// bounds and costs no more than the plan before it, shifted. Otherwise the plan half or a quarter of
+/// the way from the shifted one is taken, if that does; if not, the shifted plan goes on. If that
+/// breaks the bounds, a plan that breaks them less is taken.
 ///
 /// What this guarantees: inputs stay within their bounds and rates; the plan in use costs, by the
 /// model and from the state measured, no more than the shifted plan; and it leaves the bounds on
@@ -32,6 +36,7 @@ pub struct Checked {
     policy: Policy,
     plan: Vec<f64>,
     candidate: Vec<f64>,
+    trial: Vec<f64>,
     /// Whether there is a plan.
     planned: bool,
 }
@@ -41,7 +46,8 @@ impl Checked {
     #[must_use]
     pub fn new(policy: Policy) -> Self {
         let count = policy.outputs.middle.len();
-        Self { policy, plan: vec![0.0; count], candidate: vec![0.0; count], planned: false }
+        let zeros = || vec![0.0; count];
+        Self { policy, plan: zeros(), candidate: zeros(), trial: zeros(), planned: false }
     }
 
     /// Forgets the plan.
@@ -56,15 +62,15 @@ impl Checked {
     }
 
     /// Plans from the state `x`; the controller gives problem and model. Before the first plan, one
-    /// that holds the last input stands for the shifted one. Returns whether the net's plan was
-    /// kept.
+    /// that holds the last input stands for the shifted one. Returns which part of the way from the
+    /// shifted plan to the net's was taken: 1, 0.5, 0.25 or 0.
     pub fn decide(
         &mut self,
         nmpc: &mut Nmpc,
         x: &[f64],
         reference: &[f64],
         u_before: &[f64],
-    ) -> bool {
+    ) -> f64 {
         let m = u_before.len();
         if self.planned {
             // The last input stays where it is, and is held.
@@ -75,14 +81,30 @@ impl Checked {
         self.planned = true;
         self.policy.limits.project(u_before, &mut self.plan);
         self.policy.plan(x, reference, u_before, &mut self.candidate);
-        let [new, old] =
-            [&self.candidate, &self.plan].map(|plan| rate(nmpc, [x, reference, u_before], plan));
-        let kept = new.violation < old.violation.max(TOLERANCE)
-            && (old.violation >= TOLERANCE || new.cost <= old.cost);
-        if kept {
-            self.plan.copy_from_slice(&self.candidate);
+        let at = [x, reference, u_before];
+        let old = rate(nmpc, at, &self.plan);
+        let mut part = 0.0;
+        for trial in PARTS {
+            self.between(trial, u_before);
+            let new = rate(nmpc, at, &self.trial);
+            let better = new.violation < old.violation.max(TOLERANCE)
+                && (old.violation >= TOLERANCE || new.cost <= old.cost);
+            if better {
+                part = trial;
+            }
         }
-        kept
+        self.between(part, u_before);
+        std::mem::swap(&mut self.plan, &mut self.trial);
+        part
+    }
+
+    /// Writes to `trial` a plan between the one in use and the net's, moved into its bounds.
+    fn between(&mut self, part: f64, u_before: &[f64]) {
+        let ends = self.plan.iter().zip(&self.candidate);
+        for (trial, (old, new)) in self.trial.iter_mut().zip(ends) {
+            *trial = (1.0 - part) * old + part * new;
+        }
+        self.policy.limits.project(u_before, &mut self.trial);
     }
 }
 

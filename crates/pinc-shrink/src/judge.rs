@@ -46,11 +46,36 @@ pub struct Judgement {
     pub checked: Outcome,
 }
 
-/// The trace of a loop.
-struct Trace {
-    states: Vec<f64>,
-    inputs: Vec<f64>,
-    kept: usize,
+/// The trace of a loop, which begins with the first state.
+#[derive(Clone, Debug)]
+pub(crate) struct Trace {
+    pub(crate) states: Vec<f64>,
+    pub(crate) inputs: Vec<f64>,
+    /// In how many steps a net's plan was kept.
+    pub(crate) kept: usize,
+}
+
+/// The loops under a net alone; `None` where the plant cannot be integrated.
+pub(crate) fn loops_of_net(
+    batch: &mut NmpcBatch,
+    (plant, region): (&Simulator, &Region),
+    policy: &Policy,
+    drawn: &Drawn,
+) -> Vec<Option<Trace>> {
+    loops(batch, (plant, region), &Driver::Net(policy.clone()), drawn)
+}
+
+fn loops(
+    batch: &mut NmpcBatch,
+    (plant, region): (&Simulator, &Region),
+    driver: &Driver,
+    drawn: &Drawn,
+) -> Vec<Option<Trace>> {
+    batch.each(drawn.references.len(), |nmpc, k| {
+        let n = nmpc.model().dims().nx;
+        let x = &drawn.x[k * n..(k + 1) * n];
+        run(nmpc, plant.clone(), (&drawn.references[k], x, &region.u_before), driver.clone())
+    })
 }
 
 pub(crate) fn judge(
@@ -59,23 +84,11 @@ pub(crate) fn judge(
     policy: &Policy,
     drawn: &Drawn,
 ) -> Result<Judgement, MpcError> {
-    let traces = drawn.run(batch, plant, &region.u_before)?;
-    let own = traces.into_iter().map(|trace| {
-        let kept = trace.statuses.len();
-        let whole = trace.error.is_none();
-        whole.then_some(Trace { states: trace.states, inputs: trace.inputs, kept })
-    });
-    let own: Vec<_> = own.collect();
+    let own = drawn.run(batch, plant, &region.u_before)?;
     let mut judgement = Judgement::default();
     let mut steps = 0;
     let drivers = [Driver::Net(policy.clone()), Driver::Checked(Checked::new(policy.clone()))];
-    let [net, checked] = drivers.map(|driver| {
-        batch.each(drawn.references.len(), |nmpc, k| {
-            let n = nmpc.model().dims().nx;
-            let x = &drawn.x[k * n..(k + 1) * n];
-            run(nmpc, plant.clone(), (&drawn.references[k], x, &region.u_before), driver.clone())
-        })
-    });
+    let [net, checked] = drivers.map(|driver| loops(batch, (plant, region), &driver, drawn));
     for (k, reference) in drawn.references.iter().enumerate() {
         let Some(own) = &own[k] else { continue };
         judgement.loops += 1;
@@ -128,7 +141,7 @@ fn run(
                 kept += 1;
             }
             Driver::Checked(checked) => {
-                kept += usize::from(checked.decide(nmpc, &x, reference.at(k), &u));
+                kept += usize::from(checked.decide(nmpc, &x, reference.at(k), &u) >= 1.0);
                 plan.copy_from_slice(checked.plan());
             }
         }

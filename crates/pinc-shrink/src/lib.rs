@@ -30,6 +30,7 @@ use rand::SeedableRng;
 use rand::rngs::ChaCha8Rng;
 use samples::Drawn;
 use thiserror::Error;
+use train::Training;
 
 /// An error of this crate.
 #[derive(Debug, Error)]
@@ -58,6 +59,13 @@ pub enum ShrinkError {
     #[error(transparent)]
     Net(#[from] NetError),
 }
+
+/// How often the net is trained. After each time but the last, plans are made along its own loops and
+/// added to those that it is trained on, since it goes where its controller does not.
+///
+/// Source: Ross, Gordon and Bagnell, "A Reduction of Imitation Learning and Structured Prediction to
+/// No-Regret Online Learning" (2011).
+const ROUNDS: usize = 3;
 
 /// Where the net is to control.
 #[derive(Clone, Debug)]
@@ -93,9 +101,9 @@ impl Default for ShrinkConfig {
     /// The recommended values.
     fn default() -> Self {
         Self {
-            neurons: 20,
-            samples: 6000,
-            iterations: 600,
+            neurons: 30,
+            samples: 16_000,
+            iterations: 2000,
             loops: 200,
             hold: 30,
             seed: 1,
@@ -155,15 +163,15 @@ pub fn shrink(
     let problem = batch.nmpc().problem().clone();
     let dims = batch.nmpc().model().dims();
     let limits = Limits::new(&problem, dims);
-    // Two situations from each fourth step.
-    let loops = (config.samples / config.hold).max(2);
+    // Two situations from each fourth step, of the controller's loops and then of the net's own.
+    let loops = (config.samples / ROUNDS / config.hold).max(2);
     let drawn = Drawn::new(region, (loops, config.hold), &mut random)?;
     let traces = drawn.run(batch, plant, &region.u_before)?;
     let every = (region, 4);
     let situations = drawn.situations(&traces, every, &problem.input_bounds, &mut random);
     see(Stage::Labelling(situations.len()));
     let inputs = Scale::of(situations.iter().map(Vec::as_slice));
-    let labels = samples::label(batch, &situations, (&inputs, &limits), &mut random)?;
+    let mut labels = samples::label(batch, &situations, (&inputs, &limits), &mut random)?;
     if labels.len() < situations.len() / 4 || labels.is_empty() {
         return Err(ShrinkError::Labels { found: labels.len(), drawn: situations.len() });
     }
@@ -171,9 +179,24 @@ pub fn shrink(
     let hidden = config.neurons.max(1);
     let widths = vec![inputs.half.len(), hidden, hidden, outputs.half.len()];
     let mut net = Net::new(widths, &mut stream(2));
-    let how = (config.iterations, &workers);
-    let mut told = |iteration, loss| see(Stage::Training(iteration, loss));
-    let loss = train::train(&mut net, &labels, [&inputs, &outputs], how, &mut told);
+    let mut training = Training::new(net.weights.len());
+    let (mut done, mut loss) = (0, f64::INFINITY);
+    for round in 1..=ROUNDS {
+        let iterations = config.iterations * round / ROUNDS - done;
+        let mut told = |iteration, loss| see(Stage::Training(done + iteration, loss));
+        let how = (iterations, &workers);
+        loss = training.run((&mut net, dims.nu), &labels, [&inputs, &outputs], how, &mut told);
+        done += iterations;
+        if round < ROUNDS {
+            let scales = (inputs.clone(), outputs.clone());
+            let policy = Policy::new(net.clone(), scales.0, scales.1, limits.clone());
+            let drawn = Drawn::new(region, (loops, config.hold), &mut random)?;
+            let traces = judge::loops_of_net(batch, (plant, region), &policy, &drawn);
+            let situations = drawn.situations(&traces, every, &problem.input_bounds, &mut random);
+            see(Stage::Labelling(situations.len()));
+            labels.extend(samples::label(batch, &situations, (&inputs, &limits), &mut random)?);
+        }
+    }
     let policy = Policy::new(net, inputs, outputs, limits);
     see(Stage::Judging(config.loops));
     let fresh = Drawn::new(region, (config.loops, config.hold), &mut stream(3))?;

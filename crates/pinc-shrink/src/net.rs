@@ -1,6 +1,7 @@
 //! A net of tanh layers, with the derivative along one direction, and their gradients in the
 //! weights.
 
+use pinc_ad::Scalar;
 use rand::RngExt;
 use rand::rngs::ChaCha8Rng;
 
@@ -13,16 +14,17 @@ pub(crate) struct Net {
     pub(crate) weights: Vec<f64>,
 }
 
-/// The values of all layers at one point, and their derivatives along a direction.
+/// The values of all layers, and their derivatives along a direction: at one point, or at one for
+/// each lane of a vector.
 #[derive(Clone, Debug)]
-pub(crate) struct Pass {
-    values: Vec<Vec<f64>>,
-    tangents: Vec<Vec<f64>>,
+pub(crate) struct Pass<S> {
+    values: Vec<Vec<S>>,
+    tangents: Vec<Vec<S>>,
     /// W t before the nonlinearity.
-    sums: Vec<Vec<f64>>,
+    sums: Vec<Vec<S>>,
     /// Adjoints of a layer's values and tangents.
-    adjoints: [Vec<f64>; 2],
-    below: [Vec<f64>; 2],
+    adjoints: [Vec<S>; 2],
+    below: [Vec<S>; 2],
 }
 
 impl Net {
@@ -38,10 +40,10 @@ impl Net {
         Self { widths, weights }
     }
 
-    pub(crate) fn pass(&self) -> Pass {
-        let layers = || self.widths.iter().map(|width| vec![0.0; *width]).collect();
+    pub(crate) fn pass<S: Scalar>(&self, zero: S) -> Pass<S> {
+        let layers = || self.widths.iter().map(|width| vec![zero; *width]).collect();
         let widest = self.widths.iter().copied().max().unwrap_or(0);
-        let wide = || [vec![0.0; widest], vec![0.0; widest]];
+        let wide = || [vec![zero; widest], vec![zero; widest]];
         Pass {
             values: layers(),
             tangents: layers(),
@@ -52,7 +54,13 @@ impl Net {
     }
 
     /// Evaluates at `v` along `direction` with these weights.
-    pub(crate) fn forward(&self, weights: &[f64], [v, direction]: [&[f64]; 2], pass: &mut Pass) {
+    #[inline(always)]
+    pub(crate) fn forward<S: Scalar>(
+        &self,
+        weights: &[f64],
+        [v, direction]: [&[S]; 2],
+        pass: &mut Pass<S>,
+    ) {
         pass.values[0].copy_from_slice(v);
         pass.tangents[0].copy_from_slice(direction);
         let mut first = 0;
@@ -62,13 +70,14 @@ impl Net {
             let (below, above) = pass.values.split_at_mut(layer + 1);
             let (tangents_below, tangents) = pass.tangents.split_at_mut(layer + 1);
             for (i, row) in matrix.chunks_exact(n).enumerate() {
-                let sum = biases[i] + dot(row, &below[layer]);
-                let slope = dot(row, &tangents_below[layer]);
+                let zero = v[0].constant(0.0);
+                let sum = dot(row, &below[layer], v[0].constant(biases[i]));
+                let slope = dot(row, &tangents_below[layer], zero);
                 pass.sums[layer + 1][i] = slope;
                 let last = layer + 2 == self.widths.len();
                 let value = if last { sum } else { sum.tanh() };
                 above[0][i] = value;
-                tangents[0][i] = if last { slope } else { (1.0 - value * value) * slope };
+                tangents[0][i] = if last { slope } else { slope - value * value * slope };
             }
             first += (n + 1) * m;
         }
@@ -76,13 +85,16 @@ impl Net {
 
     /// Adds to `gradient` the gradient in the weights of a function of outputs and their
     /// derivatives, from its gradient in these, at the point of the last `forward`.
-    pub(crate) fn backward(
+    #[inline(always)]
+    pub(crate) fn backward<S: Scalar>(
         &self,
         weights: &[f64],
-        by_outputs: [&[f64]; 2],
-        pass: &mut Pass,
-        gradient: &mut [f64],
+        by_outputs: [&[S]; 2],
+        pass: &mut Pass<S>,
+        gradient: &mut [S],
     ) {
+        let zero = by_outputs[0][0].constant(0.0);
+        let one = zero.constant(1.0);
         for (adjoint, by) in pass.adjoints.iter_mut().zip(by_outputs) {
             adjoint[..by.len()].copy_from_slice(by);
         }
@@ -91,25 +103,29 @@ impl Net {
             let (n, m) = (pair[0], pair[1]);
             let first = end - (n + 1) * m;
             let last = layer + 2 == self.widths.len();
-            pass.below.iter_mut().for_each(|part| part.fill(0.0));
+            pass.below.iter_mut().for_each(|part| part.fill(zero));
             for i in 0..m {
                 let [by_value, by_tangent] = [pass.adjoints[0][i], pass.adjoints[1][i]];
                 let a = pass.values[layer + 1][i];
                 // tanh'' = -2 tanh tanh'
-                let slope = if last { 1.0 } else { 1.0 - a * a };
-                let curved = if last { 0.0 } else { -2.0 * a * slope * pass.sums[layer + 1][i] };
+                let slope = if last { one } else { one - a * a };
+                let curved = if last { zero } else { a * slope * pass.sums[layer + 1][i] * -2.0 };
                 let (by_sum, by_slope) =
                     (by_value * slope + by_tangent * curved, by_tangent * slope);
                 let row = first + i * n;
                 let sums = gradient[row..row + n].iter_mut();
                 let points = pass.values[layer].iter().zip(&pass.tangents[layer]);
                 for (sum, (value, tangent)) in sums.zip(points) {
-                    *sum += by_sum * value + by_slope * tangent;
+                    *sum = by_sum.mul_add(*value, by_slope.mul_add(*tangent, *sum));
                 }
-                gradient[first + n * m + i] += by_sum;
-                for (k, weight) in weights[row..row + n].iter().enumerate() {
-                    pass.below[0][k] += by_sum * weight;
-                    pass.below[1][k] += by_slope * weight;
+                let bias = &mut gradient[first + n * m + i];
+                *bias = *bias + by_sum;
+                let [values_below, tangents_below] = &mut pass.below;
+                let below = values_below.iter_mut().zip(tangents_below);
+                for ((value, tangent), weight) in below.zip(&weights[row..row + n]) {
+                    let weight = zero.constant(*weight);
+                    *value = by_sum.mul_add(weight, *value);
+                    *tangent = by_slope.mul_add(weight, *tangent);
                 }
             }
             std::mem::swap(&mut pass.adjoints, &mut pass.below);
@@ -118,18 +134,20 @@ impl Net {
     }
 }
 
-impl Pass {
-    pub(crate) fn outputs(&self) -> &[f64] {
+impl<S> Pass<S> {
+    pub(crate) fn outputs(&self) -> &[S] {
         &self.values[self.values.len() - 1]
     }
 
-    pub(crate) fn slopes(&self) -> &[f64] {
+    pub(crate) fn slopes(&self) -> &[S] {
         &self.tangents[self.tangents.len() - 1]
     }
 }
 
-fn dot(a: &[f64], b: &[f64]) -> f64 {
-    a.iter().zip(b).map(|(a, b)| a * b).sum()
+/// start + a' b
+#[inline(always)]
+fn dot<S: Scalar>(a: &[f64], b: &[S], start: S) -> S {
+    a.iter().zip(b).fold(start, |sum, (a, b)| b.mul_add(start.constant(*a), sum))
 }
 
 #[cfg(test)]
@@ -146,10 +164,10 @@ mod tests {
         let mut drawn =
             |n: usize| -> Vec<f64> { (0..n).map(|_| random.random_range(-1.0..1.0)).collect() };
         let (v, d, by_values, by_slopes) = (drawn(3), drawn(3), drawn(2), drawn(2));
-        let mut pass = net.pass();
-        let function = |weights: &[f64], pass: &mut Pass| {
+        let mut pass = net.pass(0.0);
+        let function = |weights: &[f64], pass: &mut Pass<f64>| {
             net.forward(weights, [&v, &d], pass);
-            dot(pass.outputs(), &by_values) + dot(pass.slopes(), &by_slopes)
+            dot(pass.outputs(), &by_values, dot(pass.slopes(), &by_slopes, 0.0))
         };
         let mut gradient = vec![0.0; net.weights.len()];
         function(&net.weights, &mut pass);

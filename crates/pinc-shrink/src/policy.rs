@@ -12,7 +12,7 @@ pub struct Policy {
     pub(crate) inputs: Scale,
     pub(crate) outputs: Scale,
     pub(crate) limits: Limits,
-    pass: Pass,
+    pass: Pass<f64>,
     at: Vec<f64>,
     along: Vec<f64>,
 }
@@ -81,7 +81,7 @@ impl Policy {
     pub(crate) fn new(net: Net, inputs: Scale, outputs: Scale, limits: Limits) -> Self {
         let width = net.widths[0];
         let (at, along) = (vec![0.0; width], vec![0.0; width]);
-        Self { pass: net.pass(), net, inputs, outputs, limits, at, along }
+        Self { pass: net.pass(0.0), net, inputs, outputs, limits, at, along }
     }
 
     /// Returns the number of weights and biases.

@@ -1,16 +1,27 @@
 //! Situations along closed loops and around them, and the plans made there.
 
+use crate::check::size;
+use crate::judge::Trace;
 use crate::policy::{Limits, Scale};
 use crate::{Region, ShrinkError};
-use pinc_batch::{LoopTrace, Loops, NmpcBatch};
-use pinc_mpc::{Bounds, MpcError, Nmpc, Reference, SqpStatus};
-use pinc_ode::Simulator;
+use pinc_batch::{Loops, NmpcBatch};
+use pinc_mpc::{
+    BoundSchedule, Bounds, MpcError, Nmpc, NmpcProblem, Reference, SqpStatus, Timetable,
+};
+use pinc_ode::{Dims, Simulator};
 use pinc_sensitivity::{Given, Regularity, Sensitivity};
 use rand::RngExt;
 use rand::rngs::ChaCha8Rng;
 
 /// How far from a loop its neighbours are drawn, as a part of the region's width.
 const AROUND: f64 = 0.15;
+
+/// By how much the bounds on states are tightened for the plans that a net is trained on, as a part of
+/// their size: the net's errors may use the rest.
+const BACK_OFF: f64 = 0.01;
+
+/// So many situations after each jump of the reference are taken, as transients are short.
+const AFTER_JUMP: usize = 3;
 
 /// An input counts as bounded if it is nearer to its bound than this part of the bounds' width.
 const AT_BOUND: f64 = 1e-6;
@@ -63,26 +74,32 @@ impl Drawn {
         Ok(Self { x, references })
     }
 
-    /// The loops under the controller.
+    /// The loops under the controller; `None` for one that does not reach its end.
     pub(crate) fn run(
         &self,
         batch: &mut NmpcBatch,
         plant: &Simulator,
         u_before: &[f64],
-    ) -> Result<Vec<LoopTrace>, MpcError> {
-        batch.loops(Loops {
+    ) -> Result<Vec<Option<Trace>>, MpcError> {
+        let traces = batch.loops(Loops {
             x: &self.x,
             references: &self.references,
             plants: std::slice::from_ref(plant),
             u_before,
             preview: false,
-        })
+        })?;
+        let whole = traces.into_iter().map(|trace| {
+            let kept = trace.statuses.len();
+            let whole = trace.error.is_none();
+            whole.then_some(Trace { states: trace.states, inputs: trace.inputs, kept })
+        });
+        Ok(whole.collect())
     }
 
-    /// Every `step`-th situation of the loops, and beside each one drawn around it.
+    /// Every `step`-th situation of the loops, those after jumps, and beside each one drawn around it.
     pub(crate) fn situations(
         &self,
-        traces: &[LoopTrace],
+        traces: &[Option<Trace>],
         (region, step): (&Region, usize),
         inputs: &Bounds,
         random: &mut ChaCha8Rng,
@@ -90,7 +107,10 @@ impl Drawn {
         let (n, m) = (region.states.low.len(), region.u_before.len());
         let mut all = Vec::new();
         for (trace, reference) in traces.iter().zip(&self.references) {
-            for k in (random.random_range(0..step)..trace.inputs.len() / m).step_by(step) {
+            let Some(trace) = trace else { continue };
+            let (first, steps) = (random.random_range(0..step), trace.inputs.len() / m);
+            let jumps = |k: &usize| k % (steps / 2).max(1) < AFTER_JUMP || k % step == first;
+            for k in (0..steps).filter(jumps) {
                 let x = &trace.states[k * n..(k + 1) * n];
                 let before = match k.checked_sub(1) {
                     None => &region.u_before[..],
@@ -127,6 +147,9 @@ pub(crate) fn label(
     (scale, limits): (&Scale, &Limits),
     random: &mut ChaCha8Rng,
 ) -> Result<Vec<Label>, ShrinkError> {
+    let dims = batch.nmpc().model().dims();
+    let [tight, own] = [BACK_OFF, 0.0].map(|part| tightened(batch.nmpc().problem(), dims, part));
+    let bounds = [tight?, own?];
     let directions: Vec<Vec<f64>> = situations
         .iter()
         .map(|at| {
@@ -135,10 +158,33 @@ pub(crate) fn label(
             drawn.into_iter().zip(&scale.half).map(|(d, half)| half * d / norm).collect()
         })
         .collect();
-    let labels =
-        batch.each(situations.len(), |nmpc, k| one(nmpc, &situations[k], &directions[k], limits));
+    let labels = batch.each(situations.len(), |nmpc, k| {
+        let mut plan = |bounds| {
+            nmpc.set_bounds_at(bounds, 0, false);
+            one(nmpc, &situations[k], &directions[k], limits)
+        };
+        let [tight, own] = &bounds;
+        // A state may be between both.
+        let label = match plan(tight) {
+            Ok(None) => plan(own),
+            found => found,
+        };
+        nmpc.set_bounds_at(own, 0, false);
+        label
+    });
     let labels: Result<Vec<_>, MpcError> = labels.into_iter().collect();
     Ok(labels?.into_iter().flatten().collect())
+}
+
+/// The bounds of a problem, with those on states moved inwards by a part of their size.
+fn tightened(problem: &NmpcProblem, dims: Dims, part: f64) -> Result<BoundSchedule, MpcError> {
+    let mut row = BoundSchedule::row(problem, dims);
+    let (lows, highs) = row.split_at_mut(dims.nx + dims.nu);
+    for (low, high) in lows.iter_mut().zip(highs).take(dims.nx) {
+        let step = part * size(*low, *high);
+        (*low, *high) = (*low + step, *high - step);
+    }
+    BoundSchedule::new(Timetable::new(row.len(), [(0, row)])?, problem, dims)
 }
 
 /// State, values to follow and input of a situation.

@@ -1,8 +1,9 @@
 //! The training on plans and their derivatives.
 
-use crate::net::{Net, Pass};
+use crate::net::Net;
 use crate::policy::Scale;
 use crate::samples::Label;
+use pinc_ad::simd::{Isa, Simd, Task};
 use pinc_net::Workers;
 use pinc_net::optim::{
     AutoConfig, Iterate, LeastSquares, Objective, Optimizer, OptimizerConfig, Outcome,
@@ -12,8 +13,11 @@ use rayon::prelude::*;
 /// How much a derivative counts beside a value.
 const SLOPE_WEIGHT: f64 = 0.1;
 
+/// How much the inputs after the first of a plan count beside that, which is the one applied.
+const LATER_WEIGHT: f64 = 0.3;
+
 /// Labels that one thread takes at a time; sums are formed in the order of these blocks.
-const BLOCK: usize = 64;
+const BLOCK: usize = 256;
 
 /// A label as the net sees it.
 #[derive(Debug)]
@@ -22,32 +26,46 @@ struct Target {
     direction: Vec<f64>,
     plan: Vec<f64>,
     slope: Vec<f64>,
-    /// What the errors of the derivatives count.
+    /// How much the errors of the derivatives count, beside the errors of the values.
     slope_weights: Vec<f64>,
-    sides: Vec<i8>,
+    /// How much errors count: below the plan's value, and above it.
+    weights: [Vec<f64>; 2],
 }
 
 /// The mean over labels of
 ///
 /// ```text
-/// sum_i (N_i - u_i)^2 + 0.1 (dN_i - du_i)^2
+/// sum_i w_i ((N_i - u_i)^2 + 0.1 (dN_i - du_i)^2)
 /// ```
 ///
-/// in units in which the plans go from -1 to 1. An input at its bound is met by any value beyond
-/// it, since plans are moved into their bounds, and has no derivative to be met.
+/// in units in which the plans go from -1 to 1; w is 1 for the first input of a plan and 0.1 for the
+/// others. An input at its bound is met by any value beyond it, since plans are moved into their
+/// bounds, and has no derivative to be met.
 #[derive(Debug)]
 pub(crate) struct Loss<'a> {
     net: &'a Net,
     targets: Vec<Target>,
+    isa: Isa,
 }
 
 impl<'a> Loss<'a> {
-    pub(crate) fn new(net: &'a Net, labels: &[Label], [inputs, outputs]: [&Scale; 2]) -> Self {
+    /// The loss on labels of plans of `m` inputs each.
+    pub(crate) fn new(
+        (net, m, isa): (&'a Net, usize, Isa),
+        labels: &[Label],
+        [inputs, outputs]: [&Scale; 2],
+    ) -> Self {
         let target = |label: &Label| {
             let per_half = |values: &[f64], scale: &Scale| -> Vec<f64> {
                 values.iter().zip(&scale.half).map(|(value, half)| value / half).collect()
             };
-            let free = |side: &i8| f64::from(u8::from(*side == 0 && label.slope.is_some()));
+            let weight = |i: usize| if i < m { 1.0 } else { LATER_WEIGHT };
+            let weights = |open: i8| -> Vec<f64> {
+                let sides = label.sides.iter().enumerate();
+                sides.map(|(i, side)| if *side == open { 0.0 } else { weight(i) }).collect()
+            };
+            let free = |side: i8| f64::from(u8::from(side == 0 && label.slope.is_some()));
+            let sides = label.sides.iter().enumerate();
             Target {
                 at: inputs.scaled(&label.at),
                 direction: per_half(&label.direction, inputs),
@@ -56,42 +74,11 @@ impl<'a> Loss<'a> {
                     Some(slope) => per_half(slope, outputs),
                     None => vec![0.0; label.plan.len()],
                 },
-                slope_weights: label.sides.iter().map(|side| SLOPE_WEIGHT * free(side)).collect(),
-                sides: label.sides.clone(),
+                slope_weights: sides.map(|(i, s)| SLOPE_WEIGHT * weight(i) * free(*s)).collect(),
+                weights: [weights(-1), weights(1)],
             }
         };
-        Self { net, targets: labels.iter().map(target).collect() }
-    }
-
-    /// The errors of values and derivatives where the net was evaluated.
-    fn errors(target: &Target, pass: &Pass, errors: [&mut [f64]; 2]) {
-        let [values, slopes] = errors;
-        for (i, error) in values.iter_mut().enumerate() {
-            let left = pass.outputs()[i] - target.plan[i];
-            *error = match target.sides[i] {
-                -1 => left.max(0.0),
-                1 => left.min(0.0),
-                _ => left,
-            };
-            slopes[i] = pass.slopes()[i] - target.slope[i];
-        }
-    }
-
-    fn block(&self, targets: &[Target], x: &[f64]) -> (f64, Vec<f64>) {
-        let (mut pass, outputs) = (self.net.pass(), targets[0].plan.len());
-        let (mut sum, mut gradient) = (0.0, vec![0.0; x.len()]);
-        let (mut values, mut slopes) = (vec![0.0; outputs], vec![0.0; outputs]);
-        for target in targets {
-            self.net.forward(x, [&target.at, &target.direction], &mut pass);
-            Self::errors(target, &pass, [&mut values, &mut slopes]);
-            for (i, weight) in target.slope_weights.iter().enumerate() {
-                sum += values[i] * values[i] + weight * slopes[i] * slopes[i];
-                values[i] *= 2.0;
-                slopes[i] *= 2.0 * weight;
-            }
-            self.net.backward(x, [&values, &slopes], &mut pass, &mut gradient);
-        }
-        (sum, gradient)
+        Self { net, targets: labels.iter().map(target).collect(), isa }
     }
 
     #[expect(clippy::cast_precision_loss, reason = "far below 2^53 labels")]
@@ -100,10 +87,54 @@ impl<'a> Loss<'a> {
     }
 }
 
+/// The loss of a block of targets and its gradient, several targets side by side.
+struct Block<'a> {
+    net: &'a Net,
+    targets: &'a [Target],
+    x: &'a [f64],
+}
+
+impl Task for Block<'_> {
+    type Output = (f64, Vec<f64>);
+
+    #[inline(always)]
+    fn run<V: Simd>(self, zero: V) -> Self::Output {
+        let Self { net, targets, x } = self;
+        let (mut pass, outputs) = (net.pass(zero), targets[0].plan.len());
+        let (mut sum, mut gradient) = (zero, vec![zero; x.len()]);
+        let mut at = [vec![zero; targets[0].at.len()], vec![zero; targets[0].at.len()]];
+        let mut errors = [vec![zero; outputs], vec![zero; outputs]];
+        for side_by_side in targets.chunks(V::LANES) {
+            // Lanes without a target repeat the first, and count nothing.
+            let lane = |l: usize| side_by_side.get(l).unwrap_or(&side_by_side[0]);
+            let used = zero.generate(|l| f64::from(u8::from(l < side_by_side.len())));
+            let [points, directions] = &mut at;
+            for (i, (point, direction)) in points.iter_mut().zip(directions).enumerate() {
+                *point = zero.generate(|l| lane(l).at[i]);
+                *direction = zero.generate(|l| lane(l).direction[i]);
+            }
+            net.forward(x, [&at[0], &at[1]], &mut pass);
+            let [by_values, by_slopes] = &mut errors;
+            for (i, (by_value, by_slope)) in by_values.iter_mut().zip(by_slopes).enumerate() {
+                let left = pass.outputs()[i] - zero.generate(|l| lane(l).plan[i]);
+                let [below, above] = [0, 1].map(|s| zero.generate(|l| lane(l).weights[s][i]));
+                let weight = left.where_nonpositive(below, above) * used;
+                let slope = pass.slopes()[i] - zero.generate(|l| lane(l).slope[i]);
+                let slope_weight = zero.generate(|l| lane(l).slope_weights[i]) * used;
+                sum = sum + weight * left * left + slope_weight * slope * slope;
+                *by_value = weight * left * 2.0;
+                *by_slope = slope_weight * slope * 2.0;
+            }
+            net.backward(x, [&errors[0], &errors[1]], &mut pass, &mut gradient);
+        }
+        (sum.sum(), gradient.into_iter().map(Simd::sum).collect())
+    }
+}
+
 impl Objective for Loss<'_> {
     fn evaluate(&mut self, x: &[f64], gradient: &mut [f64]) -> f64 {
-        let blocks: Vec<_> =
-            self.targets.par_chunks(BLOCK).map(|targets| self.block(targets, x)).collect();
+        let block = |targets| self.isa.dispatch(Block { net: self.net, targets, x });
+        let blocks: Vec<_> = self.targets.par_chunks(BLOCK).map(block).collect();
         let count = self.count();
         gradient.fill(0.0);
         let mut value = 0.0;
@@ -119,27 +150,20 @@ impl LeastSquares for Loss<'_> {
     fn normal_matrix(&mut self, x: &[f64], out: &mut [f64]) {
         let (size, count) = (x.len(), self.count());
         out.fill(0.0);
-        let mut pass = self.net.pass();
+        let mut pass = self.net.pass(0.0);
         for target in &self.targets {
             self.net.forward(x, [&target.at, &target.direction], &mut pass);
             let outputs = target.plan.len();
-            let (mut values, mut slopes) = (vec![0.0; outputs], vec![0.0; outputs]);
-            Self::errors(target, &pass, [&mut values, &mut slopes]);
-            for row in 0..2 * outputs {
-                let i = row % outputs;
-                // An input beyond its bound has no error, and no derivative of one.
-                let beyond = target.sides[i] != 0 && values[i].abs() <= 0.0;
-                let weight = match row < outputs {
-                    true => f64::from(u8::from(!beyond)),
-                    false => target.slope_weights[i],
-                };
-                if weight <= 0.0 {
+            let left = pass.outputs().iter().zip(&target.plan).map(|(output, u)| output - u);
+            let side = left.map(|left| usize::from(left > 0.0)).enumerate();
+            let values: Vec<f64> = side.map(|(i, side)| target.weights[side][i]).collect();
+            for (row, weight) in values.iter().chain(&target.slope_weights).enumerate() {
+                if *weight <= 0.0 {
                     continue;
                 }
                 let mut units = [vec![0.0; outputs], vec![0.0; outputs]];
-                units[row / outputs][i] = 1.0;
+                units[row / outputs][row % outputs] = 1.0;
                 let mut derivative = vec![0.0; size];
-                self.net.forward(x, [&target.at, &target.direction], &mut pass);
                 self.net.backward(x, [&units[0], &units[1]], &mut pass, &mut derivative);
                 for (j, column) in out.chunks_exact_mut(size).enumerate() {
                     let factor = weight * derivative[j] / count;
@@ -151,25 +175,39 @@ impl LeastSquares for Loss<'_> {
     }
 }
 
-/// Trains the net; `see` is told the iterations done and the loss. Returns the loss.
-pub(crate) fn train(
-    net: &mut Net,
-    labels: &[Label],
-    scales: [&Scale; 2],
-    (iterations, workers): (usize, &Workers),
-    see: &mut dyn FnMut(usize, f64),
-) -> f64 {
-    let start = net.weights.clone();
-    let mut loss = Loss::new(net, labels, scales);
-    let mut iterate = Iterate::new(&mut loss, start);
-    let config = OptimizerConfig::Auto(AutoConfig::default());
-    let mut optimizer = Optimizer::new(&config, iterate.x.len());
-    for iteration in 0..iterations {
-        if optimizer.step(&mut loss, &mut iterate, workers) != Outcome::Moved {
-            break;
-        }
-        see(iteration + 1, iterate.value);
+/// The training of a net on plans, which may become more.
+pub(crate) struct Training {
+    optimizer: Optimizer,
+}
+
+impl Training {
+    /// The training of a net with so many weights.
+    pub(crate) fn new(weights: usize) -> Self {
+        let config = OptimizerConfig::Auto(AutoConfig::default());
+        Self { optimizer: Optimizer::new(&config, weights) }
     }
-    net.weights = iterate.x;
-    iterate.value
+
+    /// Trains on plans of `m` inputs each; `see` is told the iterations done and the loss. What was
+    /// learnt of the curvature is used the next time. Returns the loss.
+    pub(crate) fn run(
+        &mut self,
+        (net, m): (&mut Net, usize),
+        labels: &[Label],
+        scales: [&Scale; 2],
+        (iterations, workers): (usize, &Workers),
+        see: &mut dyn FnMut(usize, f64),
+    ) -> f64 {
+        let start = net.weights.clone();
+        let mut loss = Loss::new((net, m, workers.isa()), labels, scales);
+        let mut iterate = Iterate::new(&mut loss, start);
+        self.optimizer.refresh(&iterate, workers);
+        for iteration in 0..iterations {
+            if self.optimizer.step(&mut loss, &mut iterate, workers) != Outcome::Moved {
+                break;
+            }
+            see(iteration + 1, iterate.value);
+        }
+        net.weights = iterate.x;
+        iterate.value
+    }
 }

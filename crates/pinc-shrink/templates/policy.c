@@ -6,6 +6,9 @@
 /* A plan breaks its bounds if it is outside by more than this part of their size. */
 #define TOLERANCE PINC_N(1e-6)
 
+/* Tried parts of the way from the shifted plan to the net's, in quarters. */
+static const int quarters[3] = {1, 2, 4};
+
 static const int widths[@LAYERS@] = {@WIDTHS@};
 
 @TABLES@
@@ -150,15 +153,29 @@ void pinc_policy_reset(pinc_policy *policy, const PINC_REAL u[PINC_NU])
     policy->planned = 0;
 }
 
+/* A plan between the one in use and another. */
+static void between(const pinc_policy *policy, const PINC_REAL other[PINC_POLICY_INPUTS], int part,
+                    PINC_REAL plan[PINC_POLICY_INPUTS])
+{
+    const PINC_REAL weight = PINC_N(0.25) * (PINC_REAL)part;
+    int i;
+    for (i = 0; i < PINC_POLICY_INPUTS; i++) {
+        plan[i] = ((PINC_N(1) - weight) * policy->plan[i]) + (weight * other[i]);
+    }
+    project(policy->u, plan);
+}
+
 int pinc_policy_step(pinc_policy *policy, const PINC_REAL x[PINC_NX],
                      const PINC_REAL reference[PINC_POLICY_TRACKED], PINC_REAL u[PINC_NU])
 {
     PINC_REAL candidate[PINC_POLICY_INPUTS];
+    PINC_REAL trial[PINC_POLICY_INPUTS];
     PINC_REAL cost[2];
     PINC_REAL violation[2];
     const int shift = policy->planned ? PINC_NU : 0;
-    int kept;
+    int taken = 0;
     int i;
+    int k;
     /* The last input stays where it is, and is held. */
     for (i = 0; i + PINC_NU < PINC_POLICY_INPUTS; i++) {
         policy->plan[i] = policy->plan[i + shift];
@@ -166,16 +183,19 @@ int pinc_policy_step(pinc_policy *policy, const PINC_REAL x[PINC_NX],
     policy->planned = 1;
     project(policy->u, policy->plan);
     pinc_policy_plan(x, reference, policy->u, candidate);
-    rate(x, reference, policy->u, candidate, &cost[0], &violation[0]);
     rate(x, reference, policy->u, policy->plan, &cost[1], &violation[1]);
-    kept = (violation[0] < larger(violation[1], TOLERANCE)) &
-           ((violation[1] >= TOLERANCE) | (cost[0] <= cost[1]));
-    for (i = 0; i < PINC_POLICY_INPUTS; i++) {
-        policy->plan[i] = kept ? candidate[i] : policy->plan[i];
+    for (k = 0; k < 3; k++) {
+        int better;
+        between(policy, candidate, quarters[k], trial);
+        rate(x, reference, policy->u, trial, &cost[0], &violation[0]);
+        better = (violation[0] < larger(violation[1], TOLERANCE)) &
+                 ((violation[1] >= TOLERANCE) | (cost[0] <= cost[1]));
+        taken = better ? quarters[k] : taken;
     }
+    between(policy, candidate, taken, policy->plan);
     for (i = 0; i < PINC_NU; i++) {
         policy->u[i] = policy->plan[i];
         u[i] = policy->plan[i];
     }
-    return kept;
+    return taken;
 }

@@ -29,8 +29,10 @@ void pinc_policy_plan(const PINC_REAL x[PINC_NX], const PINC_REAL reference[PINC
 
 /**
  * Writes the input to apply to `u`: the first of the net's plan if that stays within the bounds by
- * the model and costs no more than the plan before it, shifted; else the first of the shifted plan.
- * Returns whether the net's plan was kept. The time does not depend on the numbers.
+ * the model and costs no more than the plan before it, shifted; else the first of a plan half or a
+ * quarter of the way from the shifted plan to the net's, if that does; else of the shifted plan.
+ * Returns how many quarters of the way were taken: 4, 2, 1 or 0. The time does not depend on the
+ * numbers.
  */
 int pinc_policy_step(pinc_policy *policy, const PINC_REAL x[PINC_NX],
                      const PINC_REAL reference[PINC_POLICY_TRACKED], PINC_REAL u[PINC_NU]);

@@ -35,13 +35,13 @@ pub(crate) struct ShrinkArgs {
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
     /// Neurons in each of the two hidden layers.
-    #[arg(long, default_value_t = 20, value_parser = clap::value_parser!(u16).range(1..=200))]
+    #[arg(long, default_value_t = 30, value_parser = clap::value_parser!(u16).range(1..=200))]
     neurons: u16,
     /// Plans to train on, about.
-    #[arg(long, default_value_t = 6000, value_parser = clap::value_parser!(u32).range(100..))]
+    #[arg(long, default_value_t = 16_000, value_parser = clap::value_parser!(u32).range(100..))]
     samples: u32,
     /// The most iterations of the training.
-    #[arg(long, default_value_t = 600)]
+    #[arg(long, default_value_t = 2000)]
     iterations: u32,
     /// Closed loops to judge by, with states and references that were not trained on.
     #[arg(long, default_value_t = 200, value_parser = clap::value_parser!(u32).range(1..))]
@@ -70,7 +70,7 @@ impl ShrinkArgs {
         let mut see = |stage: Stage| {
             let line = match stage {
                 Stage::Labelling(plans) => format!("making {plans} plans"),
-                Stage::Training(iteration, loss) if iteration % 100 == 0 => {
+                Stage::Training(iteration, loss) if iteration % 500 == 0 => {
                     format!("iteration {iteration}: loss {loss:.2e}")
                 }
                 Stage::Judging(loops) => format!("judging {loops} loops"),
