@@ -6,6 +6,7 @@ mod elementary;
 mod fits;
 mod flows;
 mod outward;
+mod sums;
 
 use num_rational::BigRational;
 use num_traits::Zero;
