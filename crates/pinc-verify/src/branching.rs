@@ -393,7 +393,7 @@ mod tests {
         // What is missing is all of the bound where the polynomial is 0.
         let mut numbers = Numbers::new();
         for _ in 0..100 {
-            let [map, flow] = [0, 1].map(|_| numbers.share());
+            let [map, flow] = [3.0, 7.0].map(|part| numbers.share() / part);
             let mut found = found.clone();
             found.polynomials[0].coefficients[0] = 0.0;
             (found.of_map[0], found.of_flow[0]) = (map, flow);

@@ -76,7 +76,8 @@ impl Flow {
             let grown = self.propagate(&step, held, h, &errors);
             for (i, path) in step.path.iter().enumerate() {
                 let (end, rounding) = at_the_end(over, path);
-                errors[i] = lanes(|lane| up(grown[i][lane] + rounding[lane]));
+                // Both have room for the rounding of their sum.
+                errors[i] = lanes(|lane| grown[i][lane] + rounding[lane]);
                 states[i].coefficients = end;
             }
         }

@@ -35,9 +35,6 @@ impl Growth {
             row.iter().enumerate().map(entry).collect()
         };
         let m: Vec<_> = jacobian.chunks_exact(n).enumerate().map(|(i, of)| row(i, of)).collect();
-        if !m.iter().flatten().all(|entry| entry.is_finite()) {
-            return None;
-        }
         let shift = (0..n).map(|i| -m[i][i]).fold(0.0, f64::max);
         let mut shifted = m.clone();
         let mut largest = m;

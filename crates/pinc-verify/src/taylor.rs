@@ -301,7 +301,8 @@ impl Arithmetic {
             sum.coefficients[0] = power(n);
         }
         sum.remainder = lanes(|i| match &fits[i] {
-            Some(fit) => unless_nan(up(sum.remainder[i] + fit.error + fit.slope * a.remainder[i])),
+            // The three parts have room for the roundings of their sum.
+            Some(fit) => unless_nan(sum.remainder[i] + fit.error + fit.slope * a.remainder[i]),
             None => f64::INFINITY,
         });
         sum

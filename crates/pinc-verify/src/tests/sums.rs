@@ -10,7 +10,7 @@ use crate::kernel::LANES;
 use crate::points::PointError;
 use crate::polynomial::{Cuts, Polynomial};
 use crate::problem::{BoxError, StepError, box_error};
-use crate::rounding::to_f64;
+use crate::rounding::{UNIT, to_f64};
 use crate::taylor::{Arithmetic, Taylor};
 use num_rational::BigRational;
 use pinc_ad::simd::Isa;
@@ -74,6 +74,46 @@ fn remainders_of_products_and_sums_are_rounded_upward() {
             assert!(off <= exact(found.remainder[3]), "{a:?} {number}");
         }
     }
+}
+
+/// To 1 numbers are added that are each a little less than what would change it: every addition loses
+/// nearly u, the most there is to lose, so that bounds must grow with the number of terms.
+#[test]
+fn long_sums_may_lose_something_in_every_term() {
+    let (lost, most) = (0.98 * UNIT, 20);
+    let over = over(1, most);
+    let mut coefficients = vec![lost; most + 1];
+    coefficients[0] = 1.0;
+    let (a, b) = (model(&over, &coefficients, 0.0), model(&over, &vec![1.0; most + 1], 0.0));
+    let product = over.mul(&a, &b);
+    // Coefficient k has k such terms; as many are beyond the degree.
+    let count = exact(to_f64(most * (most + 1) / 2));
+    let kept = exact(to_f64(most + 1)) + exact(lost) * &count;
+    let beyond = exact(lost) * count;
+    assert!(kept - corner(&product) + beyond <= exact(product.remainder[3]), "{product:?}");
+    let small = model(&over, &[lost], 0.0);
+    let sum = over.combine(&[&small; 50], &[1.0; 50], 1.0);
+    let wanted = exact(1.0) + exact(lost) * exact(50.0);
+    assert!(wanted - corner(&sum) <= exact(sum.remainder[3]), "{sum:?}");
+    // On the upper half of x each x^n adds its part to the constant.
+    let cuts = Cuts::new(&over.basis);
+    let mut scale = 1.0;
+    for coefficient in &mut coefficients[1..] {
+        scale *= 2.0;
+        *coefficient *= scale;
+    }
+    let half = cuts.half(&Polynomial { coefficients, rounding: 0.0 }, 0, 1.0);
+    let wanted = exact(1.0) + exact(lost) * exact(to_f64(most));
+    assert!(wanted - exact(half.coefficients[0]) <= exact(half.rounding), "{half:?}");
+    // So does each power of the time at the end of a step.
+    let space = Basis::of_space(0, 0);
+    let flows = FlowArithmetic::new(space.clone(), 12, Isa::detect());
+    let full = Arithmetic::new(space.with_time(12), 12, Isa::detect());
+    let mut coefficients = vec![lost; 13];
+    coefficients[0] = 1.0;
+    let (end, rounding) = at_the_end(&flows, &model(&full, &coefficients, 0.0));
+    let wanted = exact(1.0) + exact(lost) * exact(12.0);
+    assert!(wanted - exact(end[0][3]) <= exact(rounding[3]), "{end:?} {rounding:?}");
 }
 
 /// Polynomials whose coefficients are not negative have their largest value where all variables are
@@ -251,7 +291,7 @@ fn errors_are_rounded_upward_along_a_flow() {
     let mut numbers = Numbers::new();
     for _ in 0..100 {
         let still = Growth::new(&[Interval::point(0.0)], 1, 1.0).unwrap();
-        let (start, added) = (numbers.share(), numbers.share());
+        let (start, added) = (numbers.share() / 3.0, numbers.share() / 7.0);
         let [end, before] = still.propagate(&[start], &[added]);
         let most = exact(start) + exact(added);
         assert!(exact(end[0]) >= most && exact(before[0]) >= most);
@@ -265,17 +305,16 @@ fn errors_are_rounded_upward_along_a_flow() {
             assert!(exact(end[0]) >= exact(by) * exact(start));
         }
     }
-    // Two states that fall by e^-699, the second of which reaches the first by 1e-200.
-    let falls = Interval::point(-699.0);
-    let matrix = [falls, Interval::point(1e-200), Interval::point(0.0), falls];
-    let [end, _] = Growth::new(&matrix, 2, 1.0).unwrap().propagate(&[0.0, 1e300], &[0.0, 0.0]);
-    assert!(end[0] >= 1e100 * (-699.0_f64).exp(), "{end:?}");
-    // So does a product of a small slope and a small error.
-    let matrix = [0.0, 1e-200, 0.0, 0.0].map(Interval::point);
-    let [end, before] =
-        Growth::new(&matrix, 2, 1.0).unwrap().propagate(&[0.0, 1e-200], &[0.0, 0.0]);
-    let least = exact(1e-200) * exact(1e-200);
+    // A product that underflows is still no less than it should be: e^0.3 > 1.34.
+    let growth = Growth::new(&[Interval::point(0.3)], 1, 1.0).unwrap();
+    let [end, before] = growth.propagate(&[5e-324], &[0.0]);
+    let least = exact(5e-324) * exact(1.34);
     assert!(exact(end[0]) >= least && exact(before[0]) >= least, "{end:?}");
+    // What overflows is not known, even where the product with e^-c would not.
+    let matrix = [-900.0, 0.0, 0.0, 0.0].map(Interval::point);
+    assert!(Growth::new(&matrix, 2, 1.0).is_none());
+    let matrix = [0.0, f64::NAN, 0.0, 0.0].map(Interval::point);
+    assert!(Growth::new(&matrix, 2, 1.0).is_none());
     assert!(Growth::new(&[Interval::point(1e300)], 1, 1.0).is_none());
     assert!(Growth::new(&[Interval::point(1e6)], 1, 1.0).is_none());
 }
