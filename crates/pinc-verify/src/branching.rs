@@ -304,7 +304,7 @@ fn judge(
     let mut judged = leaf.clone();
     let mut least = vec![0.0; goals.len()];
     for (state, goal) in goals.iter().enumerate() {
-        let missing = up(found.of_map[state] + found.of_flow[state]);
+        let missing = found.of_map[state] + found.of_flow[state];
         if !missing.is_finite() {
             continue;
         }
@@ -357,6 +357,7 @@ mod tests {
     use super::*;
     use crate::StepModel;
     use crate::polynomial::Polynomial;
+    use crate::tests::{Numbers, exact};
     use pinc_expr::PlantEquations;
     use pinc_ode::Tableau;
     use pinc_plants::OneTank;
@@ -389,5 +390,15 @@ mod tests {
         let bound = judged.bound[0].unwrap();
         assert!((bound - 0.875).abs() < 1e-8 && bound >= 0.875, "{bound}");
         assert!((least[0] - 0.125).abs() < 1e-8, "{least:?}");
+        // What is missing is all of the bound where the polynomial is 0.
+        let mut numbers = Numbers::new();
+        for _ in 0..100 {
+            let [map, flow] = [3.0, 7.0].map(|part| numbers.share() / part);
+            let mut found = found.clone();
+            found.polynomials[0].coefficients[0] = 0.0;
+            (found.of_map[0], found.of_flow[0]) = (map, flow);
+            let (judged, _) = judge((&over, 8), &leaf, &found, &[10.0]);
+            assert!(exact(judged.bound[0].unwrap()) >= exact(map) + exact(flow));
+        }
     }
 }

@@ -65,9 +65,10 @@ impl Interpolation {
     ///
     /// With n + 1 nodes the interpolant is off by the product of the distances from the nodes, times
     /// the largest Taylor coefficient of order n + 1. For Chebyshev nodes the product is at most
-    /// radius^(n + 1) / 2^n; nodes that are off by rounding change it by less than a millionth up to
-    /// degree 20. The polynomial that is returned need not be the interpolant: how far it is from the
-    /// function at the nodes is computed, and that times the Lebesgue constant added.
+    /// radius^(n + 1) / 2^n; nodes that are off by 10 u change it by a factor of less than
+    /// 1 + 30 (n + 1)^2 u (by Markov's inequality and the Lebesgue constant), for which `up` has room.
+    /// The polynomial that is returned need not be the interpolant: how far it is from the function
+    /// at the nodes is computed, and that times the Lebesgue constant added.
     pub(crate) fn fit(&self, function: Smooth, middle: f64, radius: f64) -> Option<Fit> {
         let on = Interval::around(middle, radius);
         let degree = self.nodes.len() - 1;
@@ -88,7 +89,7 @@ impl Interpolation {
         // The nodes in x are rounded.
         let shift = slope * 4.0 * UNIT * (middle.abs() + radius);
         let product = (0..degree).fold(radius, |product, _| product * 0.5 * radius);
-        let remainder = function.coefficient_bound(degree + 1, on) * product * (1.0 + 1e-6);
+        let remainder = function.coefficient_bound(degree + 1, on) * product;
         let error = up(remainder + LEBESGUE * (deviation + shift));
         (error.is_finite() && slope.is_finite()).then_some(Fit { powers, error, slope })
     }
@@ -97,6 +98,8 @@ impl Interpolation {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::tests::{Numbers, exact, zero};
+    use num_rational::BigRational;
 
     #[test]
     fn fits_are_as_close_as_they_say_and_not_much_closer() {
@@ -130,5 +133,61 @@ mod tests {
         assert!(fit(Smooth::Sqrt, 0.2).is_none() && fit(Smooth::Recip, -0.1).is_none());
         assert!(fit(Smooth::Ln, 0.0).is_none() && fit(Smooth::Exp, f64::NAN).is_none());
         assert!(fit(Smooth::Power(0.5), 0.1).is_none() && fit(Smooth::Power(2.0), 0.1).is_some());
+    }
+    /// The largest distance from the function at the nodes, exactly: of the polynomial from the
+    /// computed value, what that is off by, and what the rounded argument makes of the slope.
+    fn distance(over: &Interpolation, fit: &Fit, function: Smooth, at: [f64; 2]) -> BigRational {
+        let [middle, radius] = at;
+        let distances = over.nodes.iter().map(|node| {
+            let argument = middle + radius * node;
+            let value = function.value(argument);
+            let powers = fit.powers.iter().rev();
+            let fitted = powers.fold(zero(), |sum, power| sum * exact(*node) + exact(*power));
+            let shift = exact(argument) - (exact(middle) + exact(radius) * exact(*node));
+            size(fitted - exact(value.value)) + exact(value.error) + exact(fit.slope) * size(shift)
+        });
+        distances.max().expect("there are nodes")
+    }
+
+    fn size(of: BigRational) -> BigRational {
+        if of < zero() { -of } else { of }
+    }
+
+    /// Cases in which each part in turn is larger than what the others exceed their due by: the
+    /// distance at the nodes (many powers), their rounded arguments (large slopes), the evaluation
+    /// (powers that cancel), the error of the values (large exponents), and the interpolation.
+    #[test]
+    fn each_part_of_a_fits_error_is_needed() {
+        let mut numbers = Numbers::new();
+        for _ in 0..20 {
+            let cases = [
+                (Smooth::Exp, 16, [numbers.between(-1.0, 1.0), 0.1]),
+                (Smooth::Exp, 8, [numbers.between(600.0, 601.0), 0.7]),
+                (Smooth::Sin, 20, [numbers.between(-1.0, 1.0), numbers.between(4.0, 8.0)]),
+                (Smooth::Sin, 2, [numbers.between(-1.0, 1.0), numbers.between(100.0, 300.0)]),
+                (Smooth::Power(1.5), 2, [1e150 * numbers.between(1.0, 2.0), 1e100]),
+                (Smooth::Power(3.0), 4, [1e6 * numbers.between(1.0, 2.0), 1e-3]),
+                (Smooth::Tanh, 6, [numbers.between(2.0, 3.0), 0.3]),
+            ];
+            for (function, degree, at) in cases {
+                let over = Interpolation::new(degree);
+                let fit = over.fit(function, at[0], at[1]).unwrap();
+                let on = Interval::around(at[0], at[1]);
+                // With the function's largest coefficient of the next order.
+                let mut needed = exact(function.coefficient_bound(degree + 1, on));
+                for _ in 0..=degree {
+                    needed *= exact(at[1]);
+                }
+                needed *= exact(0.5_f64.powi(i32::try_from(degree).unwrap()));
+                needed += exact(LEBESGUE) * distance(&over, &fit, function, at);
+                assert!(needed <= exact(fit.error), "{function:?} {degree} {at:?}");
+                assert!(fit.slope >= function.slope_bound(on));
+            }
+        }
+        let most = 2.0 / PI * to_f64(MOST + 1).ln() + 1.0;
+        assert!(LEBESGUE >= most * (1.0 + 1e-6));
+        let over = Interpolation::new(4);
+        assert!(over.fit(Smooth::Sin, f64::MAX, f64::MAX).is_none());
+        assert!(over.fit(Smooth::Exp, 650.0, 100.0).is_none());
     }
 }

@@ -58,21 +58,29 @@ fn power_of_two(k: f64) -> f64 {
     f64::from_bits(u64::from((1023 + k as i32).unsigned_abs()) << 52)
 }
 
-/// The natural logarithm; unknown unless x is a positive normal number.
+/// The natural logarithm; unknown unless x is positive and neither tiny nor huge.
 pub(crate) fn ln(x: f64) -> Approximate {
-    if !(f64::MIN_POSITIVE..f64::MAX).contains(&x) {
-        return Approximate::UNKNOWN;
+    ln_near(x, x.ln())
+}
+
+/// The natural logarithm from a guess; unknown where that is far off.
+pub(crate) fn ln_near(x: f64, guess: f64) -> Approximate {
+    // ln x = guess + ln(x e^-guess), and |ln(1 + d)| <= |d| / (1 - |d|). Twice the error of exp
+    // leaves room for the roundings of d and of the quotient.
+    let d = (x * exp(-guess).value - 1.0).abs() + 2.0 * EXP_ERROR;
+    match d < 0.1 {
+        true => Approximate { value: guess, error: d / (1.0 - d) },
+        false => Approximate::UNKNOWN,
     }
-    let value = x.ln();
-    // ln x = value + ln(x e^-value), and |ln(1 + d)| <= |d| / (1 - |d|).
-    let d = (x * exp(-value).value - 1.0).abs() + 2.0 * EXP_ERROR;
-    let error = if d < 0.1 { d / (1.0 - d) * (1.0 + 1e-6) } else { f64::INFINITY };
-    Approximate { value, error }
 }
 
 /// x^p for positive x.
 pub(crate) fn power(x: f64, p: f64) -> Approximate {
-    let logarithm = ln(x);
+    exp_of_multiple(ln(x), p)
+}
+
+/// x^p from the logarithm of x.
+pub(crate) fn exp_of_multiple(logarithm: Approximate, p: f64) -> Approximate {
     let exponent = p * logarithm.value;
     let error = p.abs() * logarithm.error + UNIT * exponent.abs() * 2.0;
     let found = exp(exponent);
@@ -85,9 +93,6 @@ pub(crate) fn power(x: f64, p: f64) -> Approximate {
 
 /// tanh x = sign(x) (1 - e) / (1 + e) with e = e^(-2 |x|).
 pub(crate) fn tanh(x: f64) -> Approximate {
-    if !x.is_finite() {
-        return Approximate::UNKNOWN;
-    }
     let e = exp(-2.0 * x.abs());
     let value = ((1.0 - e.value) / (1.0 + e.value)).copysign(x);
     // The derivative by e is at most 2.
@@ -135,15 +140,19 @@ pub(crate) fn sin_cos(x: f64) -> [Approximate; 2] {
 
 /// The angle whose tangent is x.
 pub(crate) fn atan(x: f64) -> Approximate {
-    if !x.is_finite() {
-        return Approximate::UNKNOWN;
-    }
-    let value = x.atan();
-    // atan x = value + atan((x cos v - sin v) / (cos v + x sin v)); the divisor is at least 0.9 of
-    // the square root of 1 + x^2, and |atan d| <= |d|.
-    let [sine, cosine] = sin_cos(value);
+    atan_near(x, x.atan())
+}
+
+/// The angle whose tangent is x from a guess; unknown where that is far off.
+pub(crate) fn atan_near(x: f64, guess: f64) -> Approximate {
+    // With a guess v, atan x = v + atan((x cos v - sin v) / (cos v + x sin v)) where the divisor is
+    // positive and v in the same period, and |atan d| <= |d|. Four times the error of sines leaves
+    // room for the roundings of dividend, divisor and quotient.
+    let [sine, cosine] = sin_cos(guess);
     let (above, below) = (x * cosine.value - sine.value, cosine.value + x * sine.value);
     let rounding = 4.0 * SINE_ERROR * (1.0 + x.abs());
-    let error = (above.abs() + rounding) / below.abs() * (1.0 + 1e-6);
-    Approximate { value, error: if below > 0.5 { error } else { f64::INFINITY } }
+    match below > 0.5 && guess.abs() < 2.0 && x.is_finite() {
+        true => Approximate { value: guess, error: (above.abs() + rounding) / below },
+        false => Approximate::UNKNOWN,
+    }
 }

@@ -76,7 +76,8 @@ impl Flow {
             let grown = self.propagate(&step, held, h, &errors);
             for (i, path) in step.path.iter().enumerate() {
                 let (end, rounding) = at_the_end(over, path);
-                errors[i] = lanes(|lane| up(grown[i][lane] + rounding[lane]));
+                // Both have room for the rounding of their sum.
+                errors[i] = lanes(|lane| grown[i][lane] + rounding[lane]);
                 states[i].coefficients = end;
             }
         }
@@ -179,8 +180,9 @@ pub(crate) fn defect(over: &Arithmetic, path: &Taylor, rate: &Taylor, h: f64) ->
             let slope = next.get(place).copied().unwrap_or([0.0; LANES]);
             for lane in 0..LANES {
                 let (wanted, found) = (h * rate[lane], to_f64(k + 1) * slope[lane]);
-                // The products and the difference are rounded.
-                let rounding = 2.0 * UNIT * (wanted.abs() + found.abs());
+                // The products are rounded, each by u of about `found`; for what is in proportion to
+                // the difference `up` has room.
+                let rounding = 4.0 * UNIT * found.abs();
                 here[lane] += (wanted - found).abs() + rounding;
             }
         }
@@ -199,6 +201,7 @@ pub(crate) fn at_the_end(over: &FlowArithmetic, path: &Taylor) -> (Vec<Lanes>, L
             *end = lanes(|lane| end[lane] + coefficient[lane]);
         }
     }
+    // Twice what the sums need has room for the rounding of the norm.
     let units = 2.0 * to_f64(basis.orders()) * UNIT;
-    (end, norm(over.isa, &path.coefficients).map(|norm| up(units * norm)))
+    (end, norm(over.isa, &path.coefficients).map(|norm| units * norm))
 }

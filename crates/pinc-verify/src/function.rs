@@ -76,15 +76,15 @@ impl Smooth {
             }
             Self::Ln => inverse_power(nearest, n) / order,
             Self::Sin | Self::Cos => 1.0 / factorial(n),
-            Self::Atan => inverse_power(1.0 + nearest * nearest * (1.0 - 1e-12), n).sqrt() / order,
+            Self::Atan => inverse_power(1.0 + nearest * nearest, n).sqrt() / order,
             Self::Tanh => {
                 let pole = |k: usize| {
                     let distance = nearest * nearest + (PI * (to_f64(k) + 0.5)).powi(2);
-                    inverse_power(distance * (1.0 - 1e-12), n + 1).sqrt()
+                    inverse_power(distance, n + 1).sqrt()
                 };
                 let first: f64 = (0..POLES).map(pole).sum();
                 let rest = inverse_power(to_f64(POLES), n) / order;
-                2.0 * (first + rest * inverse_power(PI * (1.0 - 1e-12), n + 1))
+                2.0 * (first + rest * inverse_power(PI, n + 1))
             }
             Self::Sqrt => binomial(0.5, n) * largest_power(on, 0.5 - order),
             Self::Power(p) => {
@@ -93,7 +93,8 @@ impl Smooth {
                 if binomial > 0.0 { binomial * largest_power(on, p - order) } else { 0.0 }
             }
         };
-        // A few roundings, each of one unit.
+        // Up to some 10^3 roundings, each of one unit: powers of up to 21 factors, each factor of
+        // a few roundings.
         bound * (1.0 + 1e-12)
     }
 
@@ -101,9 +102,10 @@ impl Smooth {
     pub(crate) fn slope_bound(self, on: Interval) -> f64 {
         match self {
             Self::Tanh => {
+                // Below 1 the roundings of difference, square and difference sum up to less than 4 u.
                 let at = elementary::tanh(on.mignitude());
                 let least = (at.value - at.error).max(0.0);
-                1.0 - least * least * (1.0 - 1e-12) + 1e-15
+                1.0 - least * least + 1e-15
             }
             _ => self.coefficient_bound(1, on),
         }

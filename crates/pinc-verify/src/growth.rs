@@ -9,6 +9,12 @@ use crate::rounding::{to_f64, up};
 /// Errors of a flow obey `|e_i|' <= J_ii |e_i| + sum over j of |J_ij| |e_j| + |defect_i|` (the
 /// logarithmic norm; Söderlind, BIT 46, 2006, 631), so that |e| stays below the solution of the
 /// linear equation with M.
+///
+/// Rounding: the series is rounded up once. Its entries are sums of products of at most [`TERMS`]
+/// entries of M, which are not negative but for the diagonal; the shift of that counts by e^-c alone,
+/// where c is below 700 or the bound of e^-c far too large. All this changes the entries by a factor
+/// of less than 1 + 1e-12, and `up` has room for 1e-10. In sums and products of entries the room
+/// grows as the errors do. What is added to the series is more than what may underflow of entries.
 #[derive(Clone, Debug)]
 pub(crate) struct Growth {
     end: Vec<Vec<f64>>,
@@ -23,48 +29,47 @@ impl Growth {
     pub(crate) fn new(jacobian: &[Interval], n: usize, h: f64) -> Option<Self> {
         let row = |i: usize, row: &[Interval]| -> Vec<f64> {
             let entry = |(j, of): (usize, &Interval)| match i == j {
-                true if of.high < 0.0 => of.high * h * (1.0 - 1e-15),
-                true => up(of.high * h),
-                false => up(of.magnitude() * h),
+                true => of.high * h,
+                false => of.magnitude() * h,
             };
             row.iter().enumerate().map(entry).collect()
         };
         let m: Vec<_> = jacobian.chunks_exact(n).enumerate().map(|(i, of)| row(i, of)).collect();
-        if !m.iter().flatten().all(|entry| entry.is_finite()) {
-            return None;
-        }
         let shift = (0..n).map(|i| -m[i][i]).fold(0.0, f64::max);
         let mut shifted = m.clone();
         let mut largest = m;
         for i in 0..n {
-            shifted[i][i] = up(shifted[i][i] + shift);
+            shifted[i][i] += shift;
             largest[i][i] = largest[i][i].max(0.0);
         }
         // exp(M) = exp(-c) exp(M + c I).
         let falling = Interval::point(-shift).exp().high;
         let mut end = exponential(shifted)?;
-        end.iter_mut().flatten().for_each(|entry| *entry = up(*entry * falling));
+        end.iter_mut().flatten().for_each(|entry| *entry *= falling);
         Some(Self { end, largest: exponential(largest)? })
     }
 
     /// Bounds of the error at the end, and at any time before, of an error `start` at the beginning
     /// and a defect whose integral is at most `defect`.
     pub(crate) fn propagate(&self, start: &[f64], defect: &[f64]) -> [Vec<f64>; 2] {
-        let both: Vec<f64> = start.iter().zip(defect).map(|(a, b)| up(a + b)).collect();
+        let both: Vec<f64> = start.iter().zip(defect).map(|(a, b)| a + b).collect();
         let end = product(&self.end, start).into_iter().zip(product(&self.largest, defect));
-        let end = end.map(|(a, b)| up(a + b)).collect();
+        let end = end.map(|(a, b)| a + b).collect();
         [end, product(&self.largest, &both)]
     }
 }
 
 fn product(matrix: &[Vec<f64>], vector: &[f64]) -> Vec<f64> {
-    let row = |row: &Vec<f64>| up(row.iter().zip(vector).map(|(a, b)| a * b).sum());
+    // Products of small numbers may underflow.
+    let row = |row: &Vec<f64>| {
+        row.iter().zip(vector).map(|(a, b)| a * b).sum::<f64>() + f64::MIN_POSITIVE
+    };
     matrix.iter().map(row).collect()
 }
 
 fn multiply(a: &[Vec<f64>], b: &[Vec<f64>]) -> Vec<Vec<f64>> {
     let n = a.len();
-    let entry = |i: usize, j: usize| up((0..n).map(|k| a[i][k] * b[k][j]).sum());
+    let entry = |i: usize, j: usize| (0..n).map(|k| a[i][k] * b[k][j]).sum();
     (0..n).map(|i| (0..n).map(|j| entry(i, j)).collect()).collect()
 }
 
@@ -88,8 +93,8 @@ fn exponential(mut of: Vec<Vec<f64>>) -> Option<Vec<Vec<f64>>> {
     for k in 1..=TERMS {
         term = multiply(&term, &of);
         for (sum, term) in sum.iter_mut().flatten().zip(term.iter_mut().flatten()) {
-            *term = up(*term / to_f64(k));
-            *sum = up(*sum + *term);
+            *term /= to_f64(k);
+            *sum += *term;
         }
     }
     // The terms left out sum up to less than 2 0.5^15 / 15! in norm.

@@ -74,9 +74,6 @@ impl Interval {
 
     /// The image under a function that increases.
     fn increasing(self, f: fn(f64) -> Approximate) -> Self {
-        if self == Self::ENTIRE {
-            return self;
-        }
         Self { low: Self::of(f(self.low)).low, high: Self::of(f(self.high)).high }
     }
 
@@ -131,12 +128,12 @@ impl Interval {
     fn wave(self, which: usize) -> Self {
         let (middle, radius) = self.split();
         let at = elementary::sin_cos(middle)[which];
-        let found = Self::around(at.value, (radius + at.error).next_up());
+        let found = Self::of(at) + Self { low: -radius, high: radius };
         Self { low: found.low.max(-1.0), high: found.high.min(1.0) }
     }
 
     /// A number in the middle, and a radius around it that covers the interval.
-    fn split(self) -> (f64, f64) {
+    pub(crate) fn split(self) -> (f64, f64) {
         let middle = 0.5 * self.low + 0.5 * self.high;
         (middle, (self.high - middle).max(middle - self.low).next_up())
     }
@@ -147,9 +144,6 @@ impl Interval {
         if let Some(n) = whole(p) {
             let found = (0..n.unsigned_abs()).fold(Self::point(1.0), |product, _| product * self);
             return if n < 0 { found.recip() } else { found };
-        }
-        if self.low <= 0.0 {
-            return Self::ENTIRE;
         }
         let [low, high] = [self.low, self.high].map(|x| Self::of(elementary::power(x, p)));
         low.hull(high)

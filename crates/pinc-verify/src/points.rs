@@ -2,6 +2,7 @@
 
 use crate::problem::{BoxError, Enclosing, StepError, TOGETHER};
 use crate::rounding::{to_f64, up};
+use crate::taylor::unless_nan;
 use crate::workers::in_parallel;
 
 /// Powers of the time for points.
@@ -29,13 +30,13 @@ impl PointError {
     /// A proven bound of the error's absolute value, shape `nx`; infinite where nothing is known.
     #[must_use]
     pub fn bound(&self) -> Vec<f64> {
-        self.pairs().map(|(error, missing)| up(error.abs() + missing)).collect()
+        self.pairs().map(|(error, missing)| unless_nan(up(error.abs() + missing))).collect()
     }
 
     /// What the error's absolute value is at least, shape `nx`.
     #[must_use]
     pub fn least(&self) -> Vec<f64> {
-        self.pairs().map(|(error, missing)| (error.abs() - missing).max(0.0)).collect()
+        self.pairs().map(|(error, missing)| (error.abs() - missing).next_down().max(0.0)).collect()
     }
 
     fn pairs(&self) -> impl Iterator<Item = (f64, f64)> {

@@ -63,10 +63,9 @@ impl Cuts {
 
     /// A range of the polynomial: monomials with even exponents alone are nowhere negative.
     fn range(&self, of: &Polynomial) -> [f64; 2] {
-        let (mut below, mut above, mut size) = (0.0, 0.0, 0.0);
+        let (mut below, mut above) = (0.0, 0.0);
         let rest = of.coefficients.iter().zip(&self.exponents).skip(1);
         for (coefficient, exponents) in rest {
-            size += coefficient.abs();
             let even = exponents.iter().all(|power| power % 2 == 0);
             if !(even && *coefficient > 0.0) {
                 below += coefficient.abs();
@@ -76,7 +75,9 @@ impl Cuts {
             }
         }
         let middle = of.coefficients[0];
-        let slack = of.rounding + 4.0 * UNIT * (middle.abs() + size);
+        // For the last difference and sum, as far as they come from the middle; for the rest `up` has
+        // room.
+        let slack = of.rounding + 4.0 * UNIT * middle.abs();
         [middle - up(below + slack), middle + up(above + slack)]
     }
 

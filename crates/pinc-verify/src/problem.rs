@@ -7,7 +7,7 @@ use crate::flow::{Flow, FlowArithmetic};
 use crate::kernel::{LANES, lanes};
 use crate::map::Map;
 use crate::polynomial::{Cuts, Polynomial};
-use crate::rounding::{UNIT, to_f64, up};
+use crate::rounding::{UNIT, to_f64};
 use crate::taylor::{Arithmetic, Taylor};
 use pinc_ad::simd::Isa;
 use pinc_expr::PlantEquations;
@@ -170,17 +170,23 @@ pub(crate) fn variable(over: &Arithmetic, boxes: &[&[[f64; 2]]], i: usize) -> Ta
     model
 }
 
-fn box_error(over: &Enclosing, lane: usize, mapped: &[Taylor], flown: &[Taylor]) -> BoxError {
+pub(crate) fn box_error(
+    over: &Enclosing,
+    lane: usize,
+    mapped: &[Taylor],
+    flown: &[Taylor],
+) -> BoxError {
     let of = |model: &Taylor| -> Vec<f64> { model.coefficients.iter().map(|c| c[lane]).collect() };
     let remainders = |models: &[Taylor]| models.iter().map(|m| m.remainder[lane]).collect();
     let difference = |(map, flow): (&Taylor, &Taylor)| {
         let pairs = map.coefficients.iter().zip(&flow.coefficients);
+        // Each difference is rounded by u; twice that has room for the rounding of the sum.
         let mut size = 0.0;
         let coefficients = pairs.map(|(a, b)| {
             size += a[lane].abs() + b[lane].abs();
             a[lane] - b[lane]
         });
-        Polynomial { coefficients: coefficients.collect(), rounding: up(UNIT * size) }
+        Polynomial { coefficients: coefficients.collect(), rounding: 2.0 * UNIT * size }
     };
     let high = u32::try_from(over.flow.space.basis.degree().saturating_sub(1)).unwrap_or(0);
     let drives = [mapped, flown].map(|models| {

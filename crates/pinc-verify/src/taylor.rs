@@ -45,7 +45,8 @@ pub(crate) struct Arithmetic {
     is_rigorous: bool,
 }
 
-/// The absolute values of coefficients, summed by the power of the time and the degree.
+/// The absolute values of coefficients, summed by the power of the time and the degree, without
+/// rounding upward.
 struct Norms {
     /// For each power k and degree d the sum, at k (D(0) + 2) + d.
     at_degree: Vec<Lanes>,
@@ -58,9 +59,10 @@ struct Norms {
 }
 
 impl Taylor {
-    /// A bound of the absolute value of the polynomial, with or without its constant.
+    /// The sum of the coefficients' absolute values, with or without the constant, without rounding
+    /// upward.
     fn norm_from(&self, first: usize) -> Lanes {
-        norm(Isa::detect(), &self.coefficients[first..]).map(up)
+        norm(Isa::detect(), &self.coefficients[first..])
     }
 
     /// The same polynomial with another remainder.
@@ -79,13 +81,6 @@ impl Taylor {
     pub(crate) fn ranges(&self) -> Vec<Interval> {
         let norm = self.norm_from(1);
         (0..LANES).map(|lane| self.range(lane, &norm)).collect()
-    }
-
-    /// Adds to the remainder what `units` rounding errors of the polynomial's size may be.
-    fn rounded(mut self, units: f64) -> Self {
-        let norm = self.norm_from(0);
-        self.remainder = lanes(|i| up(self.remainder[i] + units * UNIT * norm[i]));
-        self
     }
 }
 
@@ -151,7 +146,7 @@ impl Arithmetic {
         rows.map(|(row, bias)| self.weighted((&of, &norms), row, *bias)).collect()
     }
 
-    /// A bound of a polynomial's absolute value, where remainders are kept.
+    /// The sum of the coefficients' absolute values, where remainders are kept.
     fn size(&self, of: &Taylor) -> Lanes {
         if self.is_rigorous { of.norm_from(0) } else { [0.0; LANES] }
     }
@@ -271,7 +266,7 @@ impl Arithmetic {
             orders[k] = all.iter().any(|norm| *norm > 0.0 || norm.is_nan());
             total = lanes(|i| total[i] + all[i]);
         }
-        Norms { at_degree, from_degree, width, total: total.map(up), orders }
+        Norms { at_degree, from_degree, width, total, orders }
     }
 
     pub(crate) fn div(&self, a: &Taylor, b: &Taylor) -> Taylor {
@@ -293,22 +288,21 @@ impl Arithmetic {
         for coefficient in &mut scaled.coefficients {
             *coefficient = lanes(|i| if known(i) { coefficient[i] * inverse[i] } else { 0.0 });
         }
+        // The inverse and the products change each coefficient by 2 u at most: what a product of m
+        // terms adds for its own (m + 1) u, (2 m + 4) u, has room for it.
         scaled.remainder = [0.0; LANES];
-        let scaled = scaled.rounded(2.0);
         let degree = self.interpolation.degree();
         let power = |n: usize| lanes(|i| fits[i].as_ref().map_or(0.0, |fit| fit.powers[n]));
         let mut sum = self.constant(power(degree));
         for n in (0..degree).rev() {
             let degrees = self.basis.degrees_before(n);
             sum = self.mul_up_to(&sum, &scaled, &degrees);
-            let next = power(n);
-            sum.coefficients[0] = lanes(|i| sum.coefficients[0][i] + next[i]);
-            // The constant is the only coefficient that was changed.
-            let size = sum.coefficients[0].map(f64::abs);
-            sum.remainder = lanes(|i| up(sum.remainder[i] + 2.0 * UNIT * size[i]));
+            // A product with a polynomial that has no constant has none: nothing is rounded.
+            sum.coefficients[0] = power(n);
         }
         sum.remainder = lanes(|i| match &fits[i] {
-            Some(fit) => unless_nan(up(sum.remainder[i] + fit.error + fit.slope * a.remainder[i])),
+            // The three parts have room for the roundings of their sum.
+            Some(fit) => unless_nan(sum.remainder[i] + fit.error + fit.slope * a.remainder[i]),
             None => f64::INFINITY,
         });
         sum

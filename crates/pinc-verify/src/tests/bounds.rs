@@ -1,6 +1,7 @@
 //! Each part of what a box, a point or a tube does not know, in a case that would show its lack.
 
 use super::flows::flow;
+use super::{Numbers, exact};
 use crate::basis::Basis;
 use crate::interval::Interval;
 use crate::kernel::LANES;
@@ -50,6 +51,23 @@ fn a_box_holds_its_ends() {
         let (middle, radius) = (model.coefficients[0][0], model.coefficients[1][0]);
         assert!(middle - radius <= ends[0] && middle + radius >= ends[1], "{ends:?}");
     }
+    // Exactly, in narrow boxes whose middles are rounded; and with numbers in place of polynomials.
+    let numbers_alone = Arithmetic::new(Basis::of_space(0, 0), 2, Isa::detect());
+    let mut numbers = Numbers::new();
+    for _ in 0..200 {
+        let low = numbers.of_any_size();
+        let ends = [low, low + low.abs() * numbers.between(1e-12, 1e-8)];
+        let model = variable(&over, &[&[ends]], 0);
+        let number = variable(&numbers_alone, &[&[ends]], 0);
+        for (middle, radius) in [
+            (model.coefficients[0][0], model.coefficients[1][0]),
+            (number.coefficients[0][0], number.remainder[0]),
+        ] {
+            let (middle, radius) = (exact(middle), exact(radius));
+            assert!(&middle - &radius <= exact(ends[0]), "{ends:?}");
+            assert!(middle + radius >= exact(ends[1]), "{ends:?}");
+        }
+    }
 }
 
 /// x' = x^2 from 1 and from 3/2: shortly before the second solution ends they are 147 apart, more
@@ -61,4 +79,26 @@ fn a_solution_that_leaves_its_tube_is_not_bounded_by_it() {
     let held = vec![Interval::point(0.0)];
     let end = flow("x^2", h).in_a_tube(&[path, held], h, &[0.5], &[0.0]);
     assert!(end.as_ref().is_none_or(|end| end[0] >= 147.0), "{end:?}");
+}
+
+/// A product with 0, a choice and a logarithm have no slope where they are not smooth.
+#[test]
+fn slopes_are_unknown_where_an_equation_is_not_smooth() {
+    let slope = |text: &str, x: [f64; 2], u: f64| {
+        let [low, high] = x;
+        let variables = [Interval { low, high }, Interval::point(u)];
+        flow(text, 1.0).equation.jacobian(&variables)[0]
+    };
+    for (text, x) in [
+        ("u*sqrt(x)", [-1.0, 1.0]),
+        ("max(x, 1)", [0.0, 2.0]),
+        ("min(x, 1)", [0.0, 2.0]),
+        ("log(x)", [-2.0, -1.0]),
+        ("abs(x)", [-1.0, 1.0]),
+        ("1/x", [-1.0, 1.0]),
+        ("x^0.5", [-2.0, -1.0]),
+    ] {
+        assert_eq!(slope(text, x, 0.0), Interval::ENTIRE, "{text}");
+    }
+    assert_eq!(slope("max(x, 1)", [2.0, 3.0], 0.0), Interval::point(1.0));
 }

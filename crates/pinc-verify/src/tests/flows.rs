@@ -1,6 +1,6 @@
 //! Flows whose solutions are known.
 
-use super::{exact, zero};
+use super::{Numbers, exact, within, zero};
 use crate::basis::Basis;
 use crate::equation::Equation;
 use crate::flow::{Flow, FlowArithmetic, at_the_end, defect};
@@ -102,6 +102,24 @@ fn a_solution_that_ends_is_not_enclosed() {
     assert!(run("max(x, 1)", 1.0, &over, [1.2, 0.01], 8).remainder[0] < 1e-3);
 }
 
+/// What is not known of the start is not known of the end, and the last sum is rounded: x' = 1/1000
+/// from numbers beside which the slope is small.
+#[test]
+fn starts_and_ends_of_flows_are_in_the_bound() {
+    let over = over(1, 3);
+    let mut numbers = Numbers::new();
+    for _ in 0..40 {
+        let middle = numbers.between(1.0, 2.0) * 1e6;
+        let found = run("0.001", 0.75, &over, [middle, 0.1], 1);
+        let end = exact(middle) + exact(0.75) * exact(0.001);
+        assert!(within(&end, &exact(found.coefficients[0][0]), found.remainder[0]));
+    }
+    let start = over.space.constant([1.0; LANES]).with_remainder([0.25; LANES]);
+    let held = over.space.constant([0.0; LANES]);
+    let end = flow("x", 1.0).run(&over, &[start], &[held], 4).remove(0);
+    assert!(end.remainder[0] >= 0.25 * 1.0_f64.exp(), "{end:?}");
+}
+
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(60))]
 
@@ -119,7 +137,7 @@ proptest! {
         }
         let (end, rounding) = at_the_end(&over, &path);
         let sum = c.iter().fold(zero(), |sum, c| sum + exact(*c));
-        prop_assert!(super::within(&sum, &exact(end[0][0]), rounding[0]));
+        prop_assert!(within(&sum, &exact(end[0][0]), rounding[0]));
         prop_assert!(rounding[0] < 1e-14);
         // Rates that are the path's slopes as well as they can be.
         let mut rate = full.constant([0.0; LANES]);
