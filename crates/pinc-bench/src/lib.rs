@@ -5,6 +5,7 @@
 //! - [`submit`], [`wait`]: a sweep as jobs of Slurm;
 //! - [`choose()`]: which model should be in a loop;
 //! - [`tune()`]: which weights, bounds' softness, estimator and horizon;
+//! - [`shrink()`]: a net in place of a controller;
 //! - [`bench()`]: measurements of the machine.
 //!
 //! One experiment by itself is the job of [`pinc_runs`].
@@ -13,6 +14,7 @@
 
 mod bench;
 mod choose;
+mod shrink;
 mod slurm;
 mod sweep;
 mod tune;
@@ -21,6 +23,7 @@ pub use bench::{
     BenchOptions, BenchReport, FmaPeak, LossGradient, Machine, ModelStep, NmpcTimes, QpTime, bench,
 };
 pub use choose::{Choice, ChooseOptions, choose};
+pub use shrink::{ShrinkOptions, ShrunkController, shrink};
 pub use slurm::{OnSlurm, Submitted, submit, wait};
 pub use sweep::{Kept, Shard, Status, clear, kept, merge, status, sweep};
 pub use tune::{Tuned, tune};

@@ -5,7 +5,7 @@ use crate::config::{experiment, plants};
 use crate::controller::kind;
 use crate::errors::{input, of_run};
 use crate::work::Call;
-use pinc_bench::ChooseOptions;
+use pinc_bench::{ChooseOptions, ShrinkOptions};
 use pinc_config::{Experiment, ModelKind};
 use pinc_export::FmiVersion;
 use pinc_runs::{Certify, Target};
@@ -173,6 +173,56 @@ pub(crate) fn choose_into(
         .run(py, |options| pinc_bench::choose(&experiment, &dir, &plants, options, how))?;
     let words = choice.to_string();
     Ok((dir, choice.recommended, choice.report, words))
+}
+
+/// Tunes the controller of a config; the directory, the tuned config, the report, the costs of loops
+/// that were held out, and words.
+#[pyfunction]
+pub(crate) fn tune_into(
+    py: Python<'_>,
+    common: Common<'_>,
+) -> PyResult<(PathBuf, PathBuf, PathBuf, [f64; 2], String)> {
+    let (experiment, only) = (common.experiment()?, common.only()?);
+    let dir = common.directory(&experiment, "-tune");
+    let tuned = common
+        .call("tune", &experiment)
+        .run(py, |options| pinc_bench::tune(&experiment, &dir, options, only))?;
+    let words = tuned.to_string();
+    Ok((dir, tuned.config, tuned.report, tuned.held_out, words))
+}
+
+/// Puts a net in place of the controller of a config; the directory, words, and why there is no C if
+/// there is none.
+#[pyfunction]
+pub(crate) fn shrink_into(
+    py: Python<'_>,
+    common: Common<'_>,
+    neurons: usize,
+    samples: usize,
+    iterations: usize,
+    loops: usize,
+) -> PyResult<(PathBuf, String, Option<String>)> {
+    let counts = [
+        ("neurons", neurons, 1..=200),
+        ("samples", samples, 100..=10_000_000),
+        ("iterations", iterations, 0..=10_000_000),
+        ("loops", loops, 1..=10_000_000),
+    ];
+    for (name, given, range) in counts {
+        if !range.contains(&given) {
+            let (low, high) = range.into_inner();
+            let problem = format!("{name}: {given} given, expected from {low} to {high}");
+            return Err(input(problem));
+        }
+    }
+    let (experiment, only) = (common.experiment()?, common.only()?);
+    let how = ShrinkOptions { neurons, samples, iterations, loops };
+    let (dir, model) = (common.directory(&experiment, "-shrink"), common.model.as_deref());
+    let shrunk = common
+        .call("shrink", &experiment)
+        .run(py, |options| pinc_bench::shrink(&experiment, (model, only), &dir, options, how))?;
+    let words = shrunk.to_string();
+    Ok((dir, words, shrunk.c.err()))
 }
 
 /// Exports the controller of a config; the directory of the files.

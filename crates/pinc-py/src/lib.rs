@@ -29,7 +29,7 @@ mod native {
     #[pymodule_export]
     use crate::commands::{
         certify_into, choose_into, control_into, estimate_into, export_controller, export_net,
-        export_plant, findings, identify_into, run_into,
+        export_plant, findings, identify_into, run_into, shrink_into, tune_into,
     };
     #[pymodule_export]
     use crate::config::{allow_processes, resolved};

@@ -131,6 +131,28 @@ def test_a_model_is_chosen() -> None:
         pinc.choose(tank, within=2.0)
 
 
+def test_a_controller_is_tuned() -> None:
+    config = (CONFIGS / "gallery" / "cart-pole.toml").read_text(encoding="utf-8")
+    few = {"tune.candidates": 6, "tune.loops": 2, "tune.held_out": 2, "control.duration_s": 3.0}
+    tuned = pinc.tune(config, "tuned", few, only="rk4")
+    written, found = tuned.cost
+    assert 0 < found <= 1.5 * written and "held-out" in str(tuned)
+    assert len(tuned.table["cost"]) == 7 and tuned.report.is_file()
+    assert pinc.control(tuned.config, only="rk4", out="loop-tuned").models == ["rk4"]
+    with pytest.raises(pinc.InputError, match="tune"):
+        pinc.tune(CONFIGS / "smoke" / "van-der-pol.toml")
+
+
+def test_a_net_replaces_a_controller(smoke: Path) -> None:
+    shrunk = pinc.shrink(
+        smoke, out="shrunk", only="rk4", neurons=8, samples=300, iterations=40, loops=4
+    )
+    assert list(shrunk.table["driver"]) == ["controller", "net", "checked"]
+    assert shrunk.no_c is None and (shrunk.directory / "smoke_van_der_pol_policy.c").is_file()
+    with pytest.raises(pinc.InputError, match="neurons: 0 given"):
+        pinc.shrink(smoke, only="rk4", neurons=0)
+
+
 def test_messages_name_arguments_of_python(smoke: Path) -> None:
     with pytest.raises(pinc.InputError, match="overrides, ") as told:
         pinc.check(smoke, {"control.n2": "many"})

@@ -10,7 +10,7 @@ from typing import Any, Optional, Union
 
 from . import _native, _results, _tables
 from ._config import Config
-from ._results import Certificate, Choice, Estimates, Findings, Identification
+from ._results import Certificate, Choice, Estimates, Findings, Identification, Shrunk, Tuning
 from ._runs import Run
 from ._tables import FilePath
 
@@ -118,6 +118,50 @@ def choose(
     """
     common = _Common(config, overrides, out=out, resume=resume, verbose=verbose)
     return Choice(*_native.choose_into(common, within, budget_s))
+
+
+def tune(
+    config: Config,
+    out: Optional[FilePath] = None,
+    overrides: Overrides = None,
+    *,
+    only: Optional[str] = None,
+    resume: bool = False,
+    verbose: bool = False,
+) -> Tuning:
+    """Tunes the controller of a config with a section ``[tune]``, as ``pinc tune`` does: looks for the
+    values of its keys with which closed loops cost least, over drawn plants and references.
+
+    ``only`` names the model, instead of the config's first. Results are in ``out``, by default
+    ``runs/<name>-tune``; ``resume=True`` reuses what it holds.
+    """
+    common = _Common(config, overrides, only=only, out=out, resume=resume, verbose=verbose)
+    return Tuning(*_native.tune_into(common))
+
+
+def shrink(
+    config: Config,
+    model: GivenModel = None,
+    out: Optional[FilePath] = None,
+    overrides: Overrides = None,
+    *,
+    only: Optional[str] = None,
+    neurons: int = 30,
+    samples: int = 16_000,
+    iterations: int = 2000,
+    loops: int = 200,
+    verbose: bool = False,
+) -> Shrunk:
+    """Trains a net in place of a config's controller, judges its closed loops beside the controller's,
+    and writes it as C with a check of its plans, as ``pinc shrink`` does.
+
+    The net has two layers of ``neurons``, is trained on about ``samples`` plans for at most
+    ``iterations``, and judged by ``loops`` it was not trained on. Results are in ``out``, by default
+    ``runs/<name>-shrink``.
+    """
+    with _files(model) as (model, _):
+        common = _Common(config, overrides, model, only, out, verbose=verbose)
+        return Shrunk(*_native.shrink_into(common, neurons, samples, iterations, loops))
 
 
 def identify(

@@ -236,6 +236,60 @@ class Choice:
         return _tables.frame(self.table)
 
 
+@dataclass(frozen=True)
+class Tuning:
+    """The tuned controller of ``tune``; printed as both configs side by side."""
+
+    directory: Path
+    """The directory of the results."""
+    config: Path
+    """The config with the best values found."""
+    report: Path
+    """Charts of the loops that were held out."""
+    cost: tuple[float, float]
+    """The cost of these loops with the config as it is written, and tuned."""
+    text: str = field(repr=False)
+    """Values and costs of both."""
+
+    def __str__(self) -> str:
+        return self.text
+
+    @property
+    def table(self) -> Table:
+        """A row per candidate, the config as it is written first."""
+        return _tables.read(self.directory / "tune.csv")
+
+    @property
+    def frame(self) -> "pandas.DataFrame":
+        """The table as a data frame of pandas."""
+        return _tables.frame(self.table)
+
+
+@dataclass(frozen=True)
+class Shrunk:
+    """The net of ``shrink`` in place of a controller; printed as its judgement in words."""
+
+    directory: Path
+    """The directory of the results, with the net and its check as C."""
+    text: str = field(repr=False)
+    """The judgement in words."""
+    no_c: Optional[str] = None
+    """Why there is no C, if the controller cannot be exported."""
+
+    def __str__(self) -> str:
+        return self.text
+
+    @property
+    def table(self) -> Table:
+        """The judgement: a row each for the controller, the net, and the net with the check."""
+        return _tables.read(self.directory / "shrink.csv")
+
+    @property
+    def frame(self) -> "pandas.DataFrame":
+        """The table as a data frame of pandas."""
+        return _tables.frame(self.table)
+
+
 def findings(all_of_them: list[Mapping[str, str]]) -> Findings:
     """The findings in what ``pinc check --json`` prints."""
     return Findings(tuple(Finding(**one) for one in all_of_them))

@@ -1,0 +1,233 @@
+//! `pinc shrink`: a net in place of a config's controller.
+
+use pinc_config::{ControlSpec, Experiment, ModelKind};
+use pinc_export::Name;
+use pinc_mpc::{Bounds, Reference};
+use pinc_ode::PiecewiseConstant;
+use pinc_record::{CsvText, write_atomically};
+use pinc_runs::{BatchController, ModelFile, Options, RunError, Target, Verbosity, console};
+use pinc_shrink::{Judgement, Outcome, Policy, Region, ShrinkConfig, ShrinkError, Stage};
+use std::path::{Path, PathBuf};
+
+/// The command in messages.
+const COMMAND: &str = "pinc shrink";
+
+/// The table of the judgement.
+const TABLE: &str = "shrink.csv";
+
+/// How far beyond the states of the config's loop the net is trained, as a part of their range.
+const MARGIN: f64 = 0.2;
+
+/// The longest time for which a loop follows a value, in control steps.
+const LONGEST_HOLD: usize = 60;
+
+/// How a controller becomes a net.
+#[derive(Clone, Copy, Debug)]
+pub struct ShrinkOptions {
+    /// Neurons in each of the two hidden layers.
+    pub neurons: usize,
+    /// Plans to train on, about.
+    pub samples: usize,
+    /// The most iterations of the training.
+    pub iterations: usize,
+    /// Closed loops to judge by.
+    pub loops: usize,
+}
+
+impl Default for ShrinkOptions {
+    /// The recommended values.
+    fn default() -> Self {
+        let ShrinkConfig { neurons, samples, iterations, loops, .. } = ShrinkConfig::default();
+        Self { neurons, samples, iterations, loops }
+    }
+}
+
+/// A net in place of a controller, as `shrink` leaves it; its `Display` is a short table.
+#[derive(Clone, Debug)]
+pub struct ShrunkController {
+    /// Closed loops of the net beside the controller's.
+    pub judgement: Judgement,
+    /// Where the net and its check are as C; why there is none if they are not.
+    pub c: Result<PathBuf, String>,
+    weights: usize,
+    labels: usize,
+}
+
+/// Trains a net in place of the controller of `experiment`, whose model is `only` one or the config's
+/// first, or the net in the file `model`; judges its closed loops beside the controller's; and writes
+/// the judgement, `shrink.csv`, and the net with its check as C to `dir`.
+///
+/// # Errors
+///
+/// [`RunError`] if the controller has something that a net does not replace, has too few optimal plans,
+/// or a file cannot be read or written.
+pub fn shrink(
+    experiment: &Experiment,
+    (model, only): (Option<&Path>, Option<ModelKind>),
+    dir: &Path,
+    options: &Options<'_>,
+    how: ShrinkOptions,
+) -> Result<ShrunkController, RunError> {
+    let given = model.map(ModelFile::At);
+    let mut controller = BatchController::new(experiment, given, only, 0, COMMAND)?;
+    let ShrinkOptions { neurons, samples, iterations, loops } = how;
+    let (hold, seed) = (hold(&controller), experiment.seed);
+    let config = ShrinkConfig { neurons, samples, iterations, loops, hold, seed, threads: 0 };
+    let region = region(&mut controller)?;
+    let mut see = |stage: Stage| {
+        let line = match stage {
+            Stage::Labelling(plans) => format!("making {plans} plans"),
+            Stage::Training(iteration, loss) if iteration % 500 == 0 => {
+                format!("iteration {iteration}: loss {loss:.2e}")
+            }
+            Stage::Judging(loops) => format!("judging {loops} loops"),
+            _ => return,
+        };
+        if options.verbosity == Verbosity::Shown {
+            console::note(&line);
+        }
+    };
+    let (batch, plant) = controller.parts();
+    let shrunk = pinc_shrink::shrink(batch, plant, &region, &config, &mut see)
+        .map_err(|error| of_shrink(&experiment.name, error))?;
+    options.check_interrupt(dir)?;
+    std::fs::create_dir_all(dir)
+        .map_err(|error| RunError::usage(dir.display(), error.to_string()))?;
+    let to = (Target::C, false);
+    let exported = pinc_runs::export_controller(experiment, model, only, to, None, Some(dir));
+    let c = match exported {
+        Ok(dir) => {
+            let kind = controller.spec().models.first().copied().unwrap_or(ModelKind::RK4);
+            let kind = only.unwrap_or(if model.is_some() { ModelKind::Pinc } else { kind });
+            write_c(experiment, kind, &mut controller, &shrunk.policy, &dir)?;
+            Ok(dir)
+        }
+        Err(error) => Err(error.to_string()),
+    };
+    write_atomically(&dir.join(TABLE), table(&shrunk.judgement).as_bytes())?;
+    let (weights, labels) = (shrunk.policy.weights(), shrunk.labels);
+    Ok(ShrunkController { judgement: shrunk.judgement, c, weights, labels })
+}
+
+fn of_shrink(name: &str, error: ShrinkError) -> RunError {
+    match error {
+        ShrinkError::Mpc(error) => error.into(),
+        ShrinkError::Net(error) => error.into(),
+        other => RunError::usage(name, format!("`{COMMAND}`: {other}")),
+    }
+}
+
+fn sample_time_s(controller: &BatchController) -> f64 {
+    controller.batch().nmpc().model().sample_time_s()
+}
+
+/// For how many steps loops follow a value: as long as the config's shortest, within limits.
+fn hold(controller: &BatchController) -> usize {
+    let spec = controller.spec();
+    let starts = spec.references.iter().map(|step| step.start_s);
+    let ends: Vec<f64> = starts.chain([spec.duration_s]).collect();
+    let shortest = ends.windows(2).map(|pair| pair[1] - pair[0]).fold(f64::INFINITY, f64::min);
+    pinc_config::steps(shortest.min(spec.duration_s), sample_time_s(controller))
+        .clamp(10, LONGEST_HOLD)
+}
+
+/// The states of the config's loop with a margin, within their bounds, and its references.
+fn region(controller: &mut BatchController) -> Result<Region, RunError> {
+    let (spec, u_before) = (controller.spec().clone(), controller.initial_input());
+    let reference = reference(&spec, sample_time_s(controller))?;
+    let traces = controller.loops(&spec.initial_state, &[reference], &u_before)?;
+    let n = spec.initial_state.len();
+    let problem = controller.batch().nmpc().problem();
+    let mut states = range(traces[0].states.chunks_exact(n), n);
+    for i in 0..n {
+        let margin = MARGIN * (states.high[i] - states.low[i]);
+        let (low, high) = (problem.state_bounds.low[i], problem.state_bounds.high[i]);
+        states.low[i] = (states.low[i] - margin).max(low).min(states.low[i]);
+        states.high[i] = (states.high[i] + margin).min(high).max(states.high[i]);
+    }
+    let values = spec.references.iter().map(|step| &step.value[..]);
+    Ok(Region { states, references: range(values, problem.tracked.len()), u_before })
+}
+
+fn reference(spec: &ControlSpec, sample_time_s: f64) -> Result<Reference, RunError> {
+    let steps = pinc_config::steps(spec.duration_s, sample_time_s);
+    if spec.references.is_empty() {
+        return Ok(Reference::none(steps));
+    }
+    let starts = spec.references.iter().map(|step| step.start_s).collect();
+    let values = spec.references.iter().map(|step| step.value.clone()).collect();
+    Ok(Reference::sample(&PiecewiseConstant::new(starts, values)?, steps, sample_time_s)?)
+}
+
+/// The least and largest of each column.
+fn range<'a>(rows: impl Iterator<Item = &'a [f64]>, width: usize) -> Bounds {
+    let mut range = Bounds::new(vec![f64::INFINITY; width], vec![f64::NEG_INFINITY; width]);
+    for row in rows {
+        for (i, value) in row.iter().enumerate() {
+            range.low[i] = range.low[i].min(*value);
+            range.high[i] = range.high[i].max(*value);
+        }
+    }
+    range
+}
+
+/// Writes the policy beside the exported controller, whose model it uses.
+fn write_c(
+    experiment: &Experiment,
+    kind: ModelKind,
+    controller: &mut BatchController,
+    policy: &Policy,
+    dir: &Path,
+) -> Result<(), RunError> {
+    let model = kind.integrator().map_or("net", |method| method.name());
+    let name = Name::nearest(&experiment.name);
+    let (batch, _) = controller.parts();
+    let files =
+        batch.each(1, |nmpc, _| pinc_shrink::policy_to_c(policy, nmpc, name.as_str(), model));
+    for (text, ending) in files.iter().flatten().zip(["h", "c"]) {
+        let path = dir.join(format!("{}_policy.{ending}", name.as_str()));
+        write_atomically(&path, text.as_bytes())?;
+    }
+    Ok(())
+}
+
+impl std::fmt::Display for ShrunkController {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let Judgement { loops, nmpc, net, checked, .. } = self.judgement;
+        writeln!(
+            f,
+            "a net of {} weights, trained on {} plans; {loops} loops, references not known in advance:",
+            self.weights, self.labels
+        )?;
+        for (name, of) in [("controller", nmpc), ("net", net), ("net, checked", checked)] {
+            writeln!(
+                f,
+                "{name:<15} {:>9.3} % of the controller's IAE, bounds broken in {} loops, {} of them kept by the controller",
+                100.0 * of.iae / nmpc.iae,
+                of.broken,
+                of.newly_broken
+            )?;
+        }
+        write!(f, "the check keeps {:.1} % of the net's plans", 100.0 * checked.kept)
+    }
+}
+
+/// The judgement as a table.
+fn table(judgement: &Judgement) -> CsvText {
+    let mut table = CsvText::new(["driver", "loops", "iae", "broken", "newly_broken", "kept"]);
+    let Judgement { loops, nmpc, net, checked, .. } = *judgement;
+    for (name, of) in [("controller", nmpc), ("net", net), ("checked", checked)] {
+        let Outcome { iae, broken, newly_broken, kept, .. } = of;
+        let counts = [loops, broken, newly_broken].map(|count| count.to_string());
+        let [loops, broken, newly_broken] = counts;
+        table.push([
+            name.to_owned(),
+            loops,
+            iae.to_string(),
+            broken,
+            newly_broken,
+            kept.to_string(),
+        ]);
+    }
+    table
+}
