@@ -4,6 +4,7 @@ use crate::arrays::{self, AsWritten};
 use crate::control::ControlSpec;
 use crate::data::DataSpec;
 use crate::explain;
+use crate::identified;
 use crate::identify::IdentifySpec;
 use crate::layers::{self, Layers};
 use crate::model_kind::ModelKind;
@@ -18,7 +19,6 @@ use crate::sampled;
 use crate::sweep::SweepSpec;
 use crate::training::{Effort, TrainingSpec};
 use crate::tune::TuneSpec;
-use crate::uncertainty;
 use pinc_expr::TimeUnit;
 use pinc_mpc::Scenarios;
 use pinc_net::{Domain, NetConfig, ValidationConfig};
@@ -157,7 +157,7 @@ impl Experiment {
     /// The experiment of a resolved table, checked; or the key and what is wrong with its value.
     fn from_table(mut table: Table, plants: &Plants) -> Result<Self, (String, Problem)> {
         let schedules = sampled::write_out(&mut table)?;
-        uncertainty::read_identified(&mut table)?;
+        identified::read(&mut table)?;
         let as_written = arrays::write_out(&mut table, plants)?.and(schedules);
         let mut experiment = Self::deserialized(table)?;
         experiment.as_written = as_written;

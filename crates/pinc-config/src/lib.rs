@@ -18,6 +18,7 @@ mod estimator;
 mod experiment;
 mod explain;
 mod free_time;
+mod identified;
 mod identify;
 mod layers;
 mod list;

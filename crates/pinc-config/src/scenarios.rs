@@ -10,7 +10,8 @@ use std::collections::BTreeMap;
 #[serde(deny_unknown_fields)]
 pub struct ScenarioSpec {
     /// Values that each parameter may have. The first ones are the branch that the plan of the next
-    /// step starts from.
+    /// step starts from. Or the path of an `identify.json`: each parameter's value and the ends of its
+    /// interval of 95 % are taken.
     pub values: BTreeMap<String, Vec<f64>>,
     /// How many stages branch, less than `nu`. After these a parameter keeps its value.
     #[serde(default = "one")]

@@ -1,6 +1,5 @@
 //! The `[control.uncertainty]` section.
 
-use crate::problem::Problem;
 use crate::registry::Variables;
 use pinc_mpc::NmpcProblem;
 use pinc_ode::{Dims, Variable};
@@ -9,8 +8,6 @@ use pinc_tube::{
 };
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
-use std::path::Path;
-use toml::{Table, Value};
 
 /// What is uncertain of model and state. The bounds of states, outputs and later inputs move inwards
 /// by how far the plant may be from the plan.
@@ -151,46 +148,4 @@ impl UncertaintySpec {
         let sizes = (dims, problem.horizon);
         EllipsoidTube::new(sizes, sources, Some(parts.model), feedback, units)
     }
-}
-
-/// Replaces the path of an `identify.json` by the intervals in it.
-pub(crate) fn read_identified(table: &mut Table) -> Result<(), (String, Problem)> {
-    let control = table.get_mut("control").and_then(Value::as_table_mut);
-    let section = control.and_then(|of| of.get_mut("uncertainty")).and_then(Value::as_table_mut);
-    let Some(parameters) = section.and_then(|section| section.get_mut("parameters")) else {
-        return Ok(());
-    };
-    let Value::String(path) = &*parameters else { return Ok(()) };
-    let intervals = intervals(Path::new(path)).map_err(|expected| {
-        let found = path.clone();
-        ("control.uncertainty.parameters".to_owned(), Problem::Value { found, expected })
-    })?;
-    *parameters = Value::Table(intervals);
-    Ok(())
-}
-
-/// The intervals in an `identify.json`, or what was expected of it.
-fn intervals(path: &Path) -> Result<Table, String> {
-    #[derive(Deserialize)]
-    struct Identified {
-        parameters: BTreeMap<String, Estimate>,
-    }
-    #[derive(Deserialize)]
-    struct Estimate {
-        value: f64,
-        half_width_95: Option<f64>,
-    }
-    let wrong = |error: &dyn std::fmt::Display| {
-        format!("a table of intervals, or the path of an identify.json: {error}")
-    };
-    let text = std::fs::read_to_string(path).map_err(|error| wrong(&error))?;
-    let all: Identified = serde_json::from_str(&text).map_err(|error| wrong(&error))?;
-    let interval = |(name, of): (String, Estimate)| match of.half_width_95 {
-        Some(half) => {
-            let ends = [of.value - half, of.value + half].map(Value::Float);
-            Ok((name, Value::Array(ends.to_vec())))
-        }
-        None => Err(format!("a file with an interval for each parameter; `{name}` has none")),
-    };
-    all.parameters.into_iter().map(interval).collect()
 }

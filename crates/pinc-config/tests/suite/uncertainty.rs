@@ -49,10 +49,7 @@ fn intervals_are_read_from_what_was_identified() {
             }
             (Err(refused), None) => {
                 let refused = refused.to_string();
-                assert!(
-                    refused.contains("an interval for each parameter; `a` has none"),
-                    "{refused}"
-                );
+                assert!(refused.contains("identify.json: `a` has no interval there"), "{refused}");
             }
             (other, _) => panic!("{other:?}"),
         }
@@ -61,6 +58,23 @@ fn intervals_are_read_from_what_was_identified() {
     let refused = parse(LOOP, &[&set]).unwrap_err().to_string();
     assert!(refused.contains("`control.uncertainty.parameters`"), "{refused}");
     assert!(refused.contains("the path of an identify.json"), "{refused}");
+}
+
+#[test]
+fn scenarios_are_read_from_what_was_identified() {
+    let dir = tempfile::tempdir().unwrap();
+    let file = dir.path().join("identify.json");
+    let text = r#"{"parameters": {"a": {"value": 1.25, "half_width_95": 0.5}}}"#;
+    fs::write(&file, text).unwrap();
+    let (before, _) = LOOP.split_once("[control.uncertainty]").unwrap();
+    let set = format!("control.scenarios.values={:?}", file.to_str().unwrap());
+    let experiment = parse(before, &[&set, "control.nu=5"]).unwrap();
+    let spec = experiment.control.as_ref().unwrap().scenarios.as_ref().unwrap();
+    let expected: Vec<u64> = [1.25, 0.75, 1.75].map(f64::to_bits).into();
+    assert_eq!(spec.values["a"].iter().map(|v| v.to_bits()).collect::<Vec<_>>(), expected);
+    let set = "control.scenarios.values=\"nowhere.json\"";
+    let refused = parse(before, &[set]).unwrap_err().to_string();
+    assert!(refused.contains("`control.scenarios.values`: nowhere.json given"), "{refused}");
 }
 
 #[test]
