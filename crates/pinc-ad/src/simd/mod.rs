@@ -8,7 +8,10 @@
 //! Speed comes from a second rule: everything between [`Isa::dispatch`] and the vector operations
 //! is `#[inline(always)]`, so that it all becomes part of the one function that is compiled with
 //! the instruction set enabled. A function that is not inlined stays correct but becomes slow.
-#![expect(unsafe_code, reason = "intrinsics need it; see the module's soundness rule")]
+#![cfg_attr(
+    target_arch = "x86_64",
+    expect(unsafe_code, reason = "intrinsics need it; see the module's soundness rule")
+)]
 
 #[cfg(target_arch = "x86_64")]
 mod atan;
@@ -133,20 +136,16 @@ impl Isa {
     /// All that this machine can run, the fastest first.
     #[must_use]
     pub fn available() -> Vec<Self> {
-        let mut all = Vec::new();
         #[cfg(target_arch = "x86_64")]
-        {
+        let vectors = {
             let narrow = is_x86_feature_detected!("avx2") && is_x86_feature_detected!("fma");
             let wide = is_x86_feature_detected!("avx512f") && is_x86_feature_detected!("avx512dq");
-            if narrow && wide {
-                all.push(Self::Avx512);
-            }
-            if narrow {
-                all.push(Self::Avx2);
-            }
-        }
-        all.push(Self::Portable);
-        all
+            [(Self::Avx512, narrow && wide), (Self::Avx2, narrow)]
+        };
+        #[cfg(not(target_arch = "x86_64"))]
+        let vectors: [(Self, bool); 0] = [];
+        let there = vectors.into_iter().filter_map(|(isa, there)| there.then_some(isa));
+        there.chain([Self::Portable]).collect()
     }
 
     /// The fastest that this machine can run.

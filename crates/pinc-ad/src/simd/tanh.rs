@@ -119,6 +119,7 @@ const fn ratio(a: (f64, f64), b: (f64, f64)) -> f64 {
 }
 
 /// tanh of one vector: see [`tanh_all`].
+#[cfg(any(target_arch = "x86_64", test))]
 #[inline(always)]
 pub(super) fn tanh<V: Simd>(x: V) -> V {
     let mut one = [x];
