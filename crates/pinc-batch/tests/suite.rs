@@ -6,7 +6,7 @@ use pinc_mpc::{
     Bounds, MpcError, Nmpc, NmpcProblem, Reference, Softness, SqpConfig, SqpStatus, Tracked,
     Weights,
 };
-use pinc_ode::{AccurateIntegrator, Model, Rk4, Simulator};
+use pinc_ode::{AccurateIntegrator, Dims, Linearization, Model, Rk4, Simulator, Stages};
 use pinc_plants::{FourTanks, VanDerPol};
 use pinc_sensitivity::{Given, Sensitivity};
 
@@ -155,6 +155,39 @@ fn a_rollout_is_one_step_after_another() {
     let mut next = [0.0; 4];
     tanks().step(&x[4..8], &u[..2], &[], &mut next);
     assert_eq!(next.map(f64::to_bits), [0, 1, 2, 3].map(|i| found[12 + i].to_bits()));
+}
+
+/// x+ = p x + u
+#[derive(Debug)]
+struct Scaled;
+
+impl Model for Scaled {
+    fn dims(&self) -> Dims {
+        Dims::new(1, 1).with_parameters(1)
+    }
+
+    fn sample_time_s(&self) -> f64 {
+        1.0
+    }
+
+    fn step(&mut self, x: &[f64], u: &[f64], p: &[f64], next: &mut [f64]) {
+        next[0] = p[0] * x[0] + u[0];
+    }
+
+    fn linearize(&mut self, _: Stages<'_>, _: Linearization<'_>) {
+        unreachable!("it is only stepped");
+    }
+}
+
+#[test]
+fn each_rollout_has_its_own_parameters() {
+    for threads in [1, 2] {
+        let mut batch = ModelBatch::new(threads, || Box::new(Scaled));
+        let found = batch.rollouts(&[1.0, 1.0, 3.0], &[0.5, -1.0], &[2.0, 0.0, -1.0]).unwrap();
+        assert_eq!(found, [2.5, 4.0, 0.5, -1.0, -2.5, 1.5], "{threads}");
+        let found = batch.steps(&[1.0, 1.0, 3.0], &[0.5], &[2.0]).unwrap();
+        assert_eq!(found, [2.5, 2.5, 6.5], "one for all");
+    }
 }
 
 #[test]

@@ -201,6 +201,9 @@ mod tests {
         let open = [part([0.0, 0.5], None), part([0.5, 2.0], Some(1e-3))];
         let marked = BoxMap { boxes: &open, mark: Some(("worst", &[0.1, 0.2, 0.3])), ..map };
         assert!(svg(marked).contains("not known") && svg(marked).contains("worst"));
+        let rings = marked.figure().unwrap().0.panels.swap_remove(0).series;
+        let rings: Vec<_> = rings.iter().map(|of| (&*of.name, &of.points[..])).collect();
+        assert_eq!(rings, [("worst", &[(0.1, 0.2)][..])], "x across, y up");
         // Cells without a point are left out.
         let points = [ValuedBox { ends: vec![[0.1, 0.1]; 3], value: Some(1.0) }];
         let (figure, places) = BoxMap { boxes: &points, ..map }.figure().unwrap();

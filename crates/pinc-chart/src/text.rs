@@ -161,6 +161,10 @@ mod tests {
         assert_eq!(duration(0.0123), "12.3 ms");
         assert_eq!(duration(17.0), "17.0 s");
         assert_eq!(duration(35460.0), "9.85 h");
+        // Minutes from two of them on, hours from two of them on.
+        assert_eq!([119.0, 120.0].map(duration), ["119 s", "2.00 min"]);
+        assert_eq!([7190.0, 7200.0].map(duration), ["120 min", "2.00 h"]);
+        assert_eq!([0.99, 9.9e-4].map(duration), ["990 ms", "990 µs"]);
     }
 
     #[test]

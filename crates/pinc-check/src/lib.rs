@@ -499,3 +499,6 @@ fn dimensions(subject: &Subject<'_>) -> Vec<Finding> {
     let text = format!("{}; {}", list("state", states), list("input", inputs));
     vec![Finding::fact("", text)]
 }
+
+#[cfg(test)]
+mod tests;

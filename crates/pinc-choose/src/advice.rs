@@ -200,3 +200,56 @@ fn described(tried: &Tried) -> String {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::judge::tests::score;
+    use pinc_ode::Integrator;
+
+    /// What is said of RK4 with 2 substeps, which is as good as with 16.
+    fn sentences(change: impl Fn(&mut Score)) -> Vec<String> {
+        let tried = |substeps: usize, score: Score| Tried {
+            candidate: Candidate::Integrator { integrator: Integrator::Rk4, substeps },
+            net: None,
+            repetitions: 1,
+            place: String::new(),
+            result: Ok(score),
+        };
+        let mut cheap = score(100.5, 10.0, 1e-3);
+        change(&mut cheap);
+        let all = vec![tried(16, score(100.0, 50.0, 1e-9)), tried(2, cheap)];
+        let control = toml::from_str(crate::search::SPEC).unwrap();
+        let search = Search { control: &control, sources: &[], states: 2, within: 0.01 };
+        let found = SearchResult { tried: all, ..SearchResult::default() };
+        Advice::of(&search, &found, &[]).unwrap().sentences()
+    }
+
+    #[test]
+    fn the_advice_has_the_winners_numbers() {
+        let said = "Use RK4 with 2 substeps: its IAE of 100.500000 is within 1 % of the IAE of the \
+                    most exact model, RK4 x16, 100.000000, and its control step takes 10.0 us (99th \
+                    percentile 20.0 us); no net was tried.";
+        assert_eq!(sentences(|_| ()), [said]);
+        let proven = sentences(|score| score.proven = Some(2.5e-3));
+        assert!(
+            proven[1].contains("proven to be wrong by at most 2.5e-3 of the widths"),
+            "{proven:?}"
+        );
+    }
+
+    /// By more than a tenth of its width, whatever the mean over the domain is.
+    #[test]
+    fn a_step_that_is_far_off_somewhere_is_mentioned() {
+        let with = |worst: f64| sentences(|score| score.worst = Some(worst));
+        assert_eq!(with(0.1).len(), 1);
+        let words = |size: &str| {
+            format!(
+                "Somewhere in the domain a step of it is wrong by {size}: the loop does not go there."
+            )
+        };
+        assert_eq!(with(0.105)[1..], [words("0.1 of its width")]);
+        assert_eq!(with(2.5)[1..], [words("2.5 of its width")]);
+        assert_eq!(with(f64::INFINITY)[1..], [words("all bounds")]);
+    }
+}

@@ -167,6 +167,39 @@ fn jacobians_by_directional_derivatives_match_the_equation() {
     }
 }
 
+/// A parameter and an input, in either order.
+#[test]
+fn each_input_has_a_column_of_its_own_in_the_jacobian() {
+    for (version, description, states, force) in
+        [(2, TWO, ["x1", "x2"], "u"), (3, THREE, ["x[1]", "x[2]"], "w[2]")]
+    {
+        let dir = tempfile::tempdir().unwrap();
+        let path = fmu(dir.path(), version, description);
+        let (x, [k, u]) = (&X[..2], [1.5, 0.2]);
+        let mut expected = LinearizationBuffer::new(Dims::new(2, 2), 1);
+        let at = Stages { x, u: &[k, u], p: &[] };
+        Rk4::new(Oscillator, 0.45, 400).linearize(at, expected.as_mut());
+        for (names, values, columns) in
+            [(["k", force], [k, u], [0, 1]), ([force, "k"], [u, k], [1, 0])]
+        {
+            let inputs = names.map(str::to_owned).to_vec();
+            let fmu = Fmu::open(&path, &FmuPlant { inputs, ..plant(states, force) }).unwrap();
+            let mut found = LinearizationBuffer::new(Dims::new(2, 2), 1);
+            let at = Stages { x, u: &values, p: &[] };
+            fmu.linearize(at, 0.45, found.as_mut()).unwrap().unwrap();
+            for i in 0..2 {
+                for (j, column) in columns.iter().enumerate() {
+                    let (found, expected) = (found.b[2 * i + j], expected.b[2 * i + column]);
+                    assert!(
+                        (found - expected).abs() < 2e-9,
+                        "{version} {names:?}: {found} {expected}"
+                    );
+                }
+            }
+        }
+    }
+}
+
 /// By both interfaces: what depends on time does so from 0, and a parameter is not what the FMU has
 /// by itself.
 #[test]

@@ -566,6 +566,19 @@ mod tests {
         }
     }
 
+    /// rho (u2 - u1 - 0.3)^2 / 2 with rho = 9, the largest entry.
+    #[test]
+    fn an_increment_is_held_between_its_two_inputs() {
+        let (mut qp, before) = (program(9.0), program(9.0).gradient);
+        let mut multipliers = Multipliers::new(qp.dims);
+        (qp.increments.low[2], multipliers.increments[2]) = (0.3, -2.0);
+        hold(&mut qp, &multipliers, 1.0);
+        for (i, (after, before)) in qp.gradient.iter().zip(before).enumerate() {
+            let expected = [(6, 2.7), (8, -2.7)].into_iter().find(|(place, _)| *place == i);
+            assert!((after - before - expected.map_or(0.0, |of| of.1)).abs() < 1e-12, "{i}");
+        }
+    }
+
     #[test]
     fn eigenvalues_match_a_known_matrix() {
         // Q diag(3, -1, 0.5) Q' with rotations Q.

@@ -184,3 +184,45 @@ fn iae(nmpc: &Nmpc, reference: &Reference, trace: &Trace) -> f64 {
         })
         .sum()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use pinc_mpc::{Bounds, NmpcProblem, SqpConfig, Weights};
+    use pinc_ode::{Dims, Rk4};
+    use pinc_plants::VanDerPol;
+
+    /// A controller that follows x2 and then u, with the states within +-`bound`.
+    fn controller(bound: f64) -> Nmpc {
+        let weights = Weights::uniform(vec![1.0; 2], vec![1.0]);
+        let problem = NmpcProblem {
+            tracked: vec![Tracked::State(1), Tracked::Input(0)],
+            state_bounds: Bounds::new(vec![-bound; 2], vec![bound; 2]),
+            ..NmpcProblem::new(Dims::new(2, 1), 3, weights)
+        };
+        let model = Rk4::new(VanDerPol::default(), 0.5, 1);
+        Nmpc::new(problem, Box::new(model), SqpConfig::default()).unwrap()
+    }
+
+    /// Two steps from (5, 5).
+    fn trace() -> Trace {
+        let states = vec![5.0, 5.0, 1.0, 2.0, 3.0, -1.0];
+        Trace { states, inputs: vec![0.5, -0.5], kept: 2 }
+    }
+
+    #[test]
+    fn errors_are_summed_at_the_ends_of_the_steps() {
+        let reference = Reference::new(vec![0.5, 0.0, 1.0, -2.0], 2).unwrap();
+        let steps = [(2.0 - 0.5) + 0.5, (1.0 + 1.0) + (2.0 - 0.5)];
+        let found = iae(&controller(4.0), &reference, &trace());
+        assert!((found - steps.iter().sum::<f64>()).abs() < 1e-12, "{found}");
+    }
+
+    #[test]
+    fn a_loop_breaks_a_bound_by_more_than_a_thousandth_of_its_size() {
+        // It begins outside; later 3 is the largest.
+        for (bound, is_broken) in [(4.0, false), (2.9985, false), (2.9965, true), (2.0, true)] {
+            assert_eq!(breaks(&controller(bound), &trace().states), is_broken, "{bound}");
+        }
+    }
+}

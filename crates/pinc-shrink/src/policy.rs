@@ -106,3 +106,32 @@ impl Policy {
         self.limits.project(u_before, plan);
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn projected(u_before: &[f64], plan: &[f64]) -> Vec<f64> {
+        let limits = Limits {
+            bounds: Bounds::new(vec![-1.0; plan.len()], vec![1.0; plan.len()]),
+            increments: Bounds::new(vec![-0.3; plan.len()], vec![0.3; plan.len()]),
+        };
+        let mut plan = plan.to_vec();
+        limits.project(u_before, &mut plan);
+        plan
+    }
+
+    #[test]
+    fn each_input_of_a_plan_is_within_the_rates_from_the_one_before() {
+        let near = |found: &[f64], expected: &[f64]| {
+            let off = found.iter().zip(expected).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+            assert!(found.len() == expected.len() && off < 1e-12, "{found:?} {expected:?}");
+        };
+        near(&projected(&[0.0], &[1.0, 1.0, -1.0]), &[0.3, 0.6, 0.3]);
+        // Two inputs, each from its own.
+        near(&projected(&[0.0, 0.9], &[1.0, -1.0, 1.0, 2.0]), &[0.3, 0.6, 0.6, 0.9]);
+        near(&projected(&[0.9], &[2.0, 2.0]), &[1.0, 1.0]);
+        // From outside the bounds an input goes back to the nearest at once.
+        near(&projected(&[2.0], &[0.0, 0.0]), &[1.0, 0.7]);
+    }
+}

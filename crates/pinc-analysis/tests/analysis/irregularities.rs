@@ -1,7 +1,9 @@
 //! Poles, jumps and kinks in and around a box.
 
 use super::{chemostat, plant, region};
-use pinc_analysis::{IrregularityKind, Region, Survey, Term, Terms, crossings};
+use pinc_analysis::{
+    IrregularityKind, OperatingPoint, Region, Survey, Term, Terms, beyond_knee, crossings,
+};
 use pinc_expr::TermRole;
 use pinc_ode::{Dims, DynRhs};
 use pinc_plants::{FourTanks, VanDerPol};
@@ -164,4 +166,19 @@ fn very_long_terms_are_left_out() {
     let found = crossings(&Long, &region(1, &[-1.0, -1.0], &[1.0, 1.0]), 0.1, 1);
     assert_eq!(found.found.iter().map(Option::is_some).collect::<Vec<_>>(), [true, false, false]);
     assert_eq!(found.left_out, 2);
+}
+
+/// A slope that changes from -1 to -101 around v = 0, where it is -51: on one side the plant is slower,
+/// on the other faster, and both are a twentieth of the region away.
+#[test]
+fn a_plant_that_is_slower_on_one_side_only_has_no_knee() {
+    let region = region(1, &[-5.0, -9.0], &[5.0, 9.0]);
+    let rest = OperatingPoint { x: vec![0.0], u: vec![0.0] };
+    let one_sided = plant(&["v"], &["u"], &["u - 51*v + 50*sqrt(v^2 + 1e-6)"]);
+    assert_eq!(beyond_knee(&one_sided, &rest, &region), None);
+    // Steep within a hundredth, by a factor that is not enough, and by one that is.
+    for (steep, is_knee) in [(0.039, false), (0.041, true)] {
+        let friction = plant(&["v"], &["u"], &[&format!("u - v - {steep}*tanh(v/0.01)")]);
+        assert_eq!(beyond_knee(&friction, &rest, &region).is_some(), is_knee, "{steep}");
+    }
 }

@@ -53,6 +53,11 @@ fn substeps_are_the_least_that_are_stable() {
     let rk4 = StabilityFunction::of(Integrator::Rk4).unwrap();
     let grows = [Complex { re: 5.0, im: 0.0 }];
     assert_eq!(rk4.stable_substeps(&grows, 1.0), Some(1));
+    // An oscillation without damping may not: RK4 is stable up to 2.828 on the imaginary axis.
+    for (rate, needed) in [(2.82, 1), (2.84, 2), (5.64, 2), (5.68, 3)] {
+        let undamped = [rate, -rate].map(|im| Complex { re: 0.0, im });
+        assert_eq!(rk4.stable_substeps(&undamped, 1.0), Some(needed), "{rate}");
+    }
 }
 
 #[test]

@@ -167,3 +167,67 @@ fn mean(values: impl Iterator<Item = f64>) -> f64 {
     let (sum, count) = values.fold((0.0, 0.0), |(sum, count), value| (sum + value, count + 1.0));
     if count > 0.0 { sum / count } else { 0.0 }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use pinc_config::Plants;
+    use pinc_record::Metrics;
+    use serde_json::json;
+    use std::path::Path;
+
+    /// A loop with RK4, which is tuned.
+    fn base() -> Experiment {
+        let config = Path::new("../../configs/smoke/rk4-only.toml");
+        let set = ["control.models=[\"rk4\"]".to_owned()];
+        Experiment::load(config, &set, &Plants::built_in()).unwrap()
+    }
+
+    fn cost(base: &Experiment) -> Cost {
+        let spec = r#"
+            ranges = [{ key = "control.r.0", low = 0.1, high = 10.0 }]
+            cost = { iae_dense_sum = 1.5, input_travel = 0.25 }
+        "#;
+        Cost::of(base, &toml::from_str(spec).unwrap()).unwrap()
+    }
+
+    /// A loop of ten steps with this IAE and travel of the inputs.
+    fn finished(iae: f64, travel: f64, status: &str) -> Finished {
+        let metrics: Metrics = serde_json::from_value(json!({
+            "experiment": "e", "preset": "ours", "variables": {},
+            "control": [{
+                "model": "rk4", "rmse": 0.0, "iae": 0.0, "rmse_dense": 0.0, "iae_dense_sum": iae,
+                "input_travel": travel, "kkt_max": 0.0, "sqp_iterations_mean": 1.0,
+                "max_violation": 0.0, "status": { status: 10 },
+                "wall_s": { "median": 0.0, "mean": 0.0, "sd": 0.0, "runs": 1 },
+                "step_us": { "p50": 1.0, "p99": 1.0, "max": 1.0 }
+            }]
+        }))
+        .unwrap();
+        Finished { ending: Ending::Done, metrics }
+    }
+
+    #[test]
+    fn a_cost_is_the_weighted_sum_of_the_means_over_the_loops_that_did_not_fail() {
+        let base = base();
+        let mut cost = cost(&base);
+        // What has a unit is measured by its mean here, 3; the travel has none.
+        cost.set_scales(&[finished(2.0, 5.0, "converged"), finished(4.0, 7.0, "converged")]);
+        let fine = [finished(6.0, 8.0, "converged"), finished(12.0, 4.0, "converged")];
+        let score = cost.score(&base, &fine);
+        assert!((score.cost - (1.5 * 9.0 / 3.0 + 0.25 * 6.0)).abs() < 1e-12, "{}", score.cost);
+        assert_eq!(score.failed, 0);
+        let [one, two] = fine;
+        let score = cost.score(&base, &[one, finished(0.0, 0.0, "infeasible-qp"), two]);
+        assert!((score.cost - 6.0).abs() < 1e-12, "{}", score.cost);
+        assert_eq!(score.to_string(), "6.0000 (1 loop failed)");
+    }
+
+    #[test]
+    fn a_candidate_with_fewer_failures_is_better_whatever_it_costs() {
+        let score = |failed: usize, cost: f64| Score { failed, cost, means: Vec::new() };
+        assert!(score(0, 9.0).is_better(&score(1, 1.0)));
+        assert!(!score(1, 1.0).is_better(&score(0, 9.0)));
+        assert!(score(1, 1.0).is_better(&score(1, 9.0)));
+    }
+}

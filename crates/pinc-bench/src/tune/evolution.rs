@@ -212,6 +212,14 @@ mod tests {
     }
 
     #[test]
+    fn points_beyond_the_cube_are_mirrored_at_its_surface() {
+        let places = [(0.3, 0.3), (-0.2, 0.2), (1.3, 0.7), (2.1, 0.1), (-1.4, 0.6), (1.0, 1.0)];
+        for (point, place) in places {
+            assert!((mirrored(point) - place).abs() < 1e-12, "{point}");
+        }
+    }
+
+    #[test]
     fn a_minimum_at_the_surface_of_the_cube_is_found() {
         let (found, _) = minimum(|v| v[0] + (v[1] - 0.5).powi(2) - v[2], 200);
         assert!(found[0] < 0.01 && (found[1] - 0.5).abs() < 0.01 && found[2] > 0.99, "{found:?}");

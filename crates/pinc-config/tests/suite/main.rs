@@ -5,6 +5,8 @@ mod common;
 mod config;
 mod estimator;
 mod names;
+mod scenarios;
 mod schedules;
 mod times;
+mod tune;
 mod uncertainty;

@@ -1,20 +1,24 @@
 //! Steady-state targets against the steady states of the Van der Pol oscillator, x = (a, 0), u = a.
 
+use pinc_ad::Scalar;
 use pinc_estimate::{Augmentation, Compensated, Disturbance, Measured, SteadyTarget};
 use pinc_mpc::{Bounds, NmpcProblem, SqpStatus, Tracked, Weights};
-use pinc_ode::Rk4;
+use pinc_ode::{Model, Plant, Rk4, Variable};
 use pinc_plants::VanDerPol;
 
-/// The target of a problem that tracks the first state, the input and `more`, with an input of 1 at
-/// most.
+/// The target of a problem for the oscillator that tracks the first state, the input and `more`, with
+/// an input of 1 at most.
 fn target(more: &[Tracked]) -> SteadyTarget {
+    target_of(VanDerPol::default(), [&[Tracked::State(0), Tracked::Input(0)][..], more].concat())
+}
+
+/// The target of a problem that tracks these with an input of 1 at most, which is disturbed.
+fn target_of(plant: impl Plant, tracked: Vec<Tracked>) -> SteadyTarget {
     let load = Augmentation {
         disturbance: Disturbance::Input,
         ..Augmentation::measured(Measured::states([0]))
     };
-    let model = Box::new(Rk4::new(VanDerPol::default(), 0.5, 4));
-    let model = Compensated::new(model, load).unwrap();
-    let tracked = [&[Tracked::State(0), Tracked::Input(0)][..], more].concat();
+    let model = Compensated::new(Box::new(Rk4::new(plant, 0.5, 4)), load).unwrap();
     let weights = Weights::uniform(vec![10.0; tracked.len()], vec![1.0]);
     let problem = NmpcProblem {
         tracked,
@@ -22,7 +26,8 @@ fn target(more: &[Tracked]) -> SteadyTarget {
         parameters: vec![0.0],
         ..model.problem(5, weights)
     };
-    SteadyTarget::new(&problem, Box::new(model), &[0.0, 0.0], &[0.0]).unwrap()
+    let start = vec![0.0; model.dims().nx];
+    SteadyTarget::new(&problem, Box::new(model), &start, &[0.0]).unwrap()
 }
 
 /// The row that takes the place of `row` with an input disturbance d.
@@ -64,4 +69,37 @@ fn what_is_beyond_the_bounds_is_held_as_near_as_it_can_be() {
 fn more_quantities_than_inputs_are_held_by_their_weights() {
     let mut target = target(&[Tracked::State(1)]);
     assert_near(&held(&mut target, 0.1, &[0.5, 0.0, 0.6]), &[0.5, 0.4, 0.0]);
+}
+
+/// A lag with a gauge that reads twice the state and once the input: 3 (u + d) at rest.
+#[derive(Clone, Debug)]
+struct Gauge;
+
+impl Plant for Gauge {
+    fn states(&self) -> &[Variable] {
+        static STATES: [Variable; 1] = [Variable::new("x", "")];
+        &STATES
+    }
+    fn inputs(&self) -> &[Variable] {
+        static INPUTS: [Variable; 1] = [Variable::new("u", "")];
+        &INPUTS
+    }
+    fn outputs(&self) -> &[Variable] {
+        static OUTPUTS: [Variable; 1] = [Variable::new("gauge", "")];
+        &OUTPUTS
+    }
+    #[inline(always)]
+    fn rhs<S: Scalar>(&self, x: &[S], u: &[S], _p: &[S], dx: &mut [S]) {
+        dx[0] = u[0] - x[0];
+    }
+    fn output<S: Scalar>(&self, x: &[S], u: &[S], _p: &[S], y: &mut [S]) {
+        y[0] = x[0] * 2.0 + u[0];
+    }
+}
+
+#[test]
+fn an_output_is_held_whatever_the_reference_of_the_input() {
+    let mut target = target_of(Gauge, vec![Tracked::Output(0), Tracked::Input(0)]);
+    assert_near(&held(&mut target, 0.0, &[1.5, 0.0]), &[1.5, 0.5]);
+    assert_near(&held(&mut target, 0.2, &[1.5, -1.0]), &[1.5, 0.3]);
 }

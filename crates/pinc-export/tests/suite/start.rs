@@ -155,11 +155,16 @@ fn a_controller_begins_with_the_configs_input() {
     let (x1, x2) = (8192.0, 1.0 / 4096.0);
     case.problem.increment_bounds = Bounds::new(vec![-0.1 * x1], vec![0.1 * x1]);
     case.begin = begun(0, false).begin;
-    case.begin.initial_input = Some(vec![2.0 * x1]);
     case.begin.reference = Some(schedule([x1, x2]));
-    let [garbage, first] = compare(&case, "init", &[4])[..] else { unreachable!("two numbers") };
-    // It is out of bounds.
-    assert!((garbage - x1).abs() < 1e-9 && (first - x1).abs() < 1e-9, "{garbage} {first}");
+    // The second is out of bounds.
+    for (input, begin, change) in [(0.45, 0.45, 0.1), (2.0, 1.0, 0.0)] {
+        case.begin.initial_input = Some(vec![input * x1]);
+        let [garbage, first] = compare(&case, "init", &[4])[..] else {
+            unreachable!("two numbers")
+        };
+        assert!((garbage - begin * x1).abs() < 1e-9, "{garbage}");
+        assert!((first - begin * x1).abs() < change * x1 + 1e-9, "{first}");
+    }
     assert!(case.sources().selftest("ctl", &[]).contains("20 steps"));
 }
 

@@ -1,14 +1,19 @@
 //! Costs beside the equations of a plant.
 
-use pinc_expr::{CostExpressions, Equations, OutputExpression, PlantEquations};
+use pinc_expr::{CostExpressions, Equations, OutputExpression, PlantEquations, TimeUnit};
 use pinc_ode::{Plant, Variable};
 use std::collections::BTreeMap;
 
-/// A row of vessels, with the mass in all of them as an output.
 fn vessels() -> PlantEquations {
+    vessels_in(TimeUnit::S)
+}
+
+/// A row of vessels, with the mass in all of them as an output, and rates per `unit`.
+fn vessels_in(unit: TimeUnit) -> PlantEquations {
     let text = |name: &str, text: &str| (name.to_owned(), text.to_owned());
     let expression = "sum(i=1..2, c[i])*V".to_owned();
     Equations {
+        time_unit: Some(unit),
         sizes: [("n".to_owned(), 2)].into(),
         states: vec![Variable::new("c[n]", "g/L"), Variable::new("V", "L")],
         inputs: vec![Variable::new("F", "L/h")],
@@ -49,6 +54,19 @@ fn a_cost_has_all_that_the_plant_has() {
         {
             assert!((found - expected).abs() < 1e-14, "{dx:?} {y:?}");
         }
+    }
+}
+
+/// The time of the cost stays in seconds.
+#[test]
+fn a_cost_per_hour_is_integrated_as_the_rates_are() {
+    let none = BTreeMap::new();
+    let costs = cost("2*F", "V", &none);
+    let plant = vessels_in(TimeUnit::H).compile_with_cost(&[], costs).unwrap();
+    let mut dx = [0.0; 5];
+    plant.rhs(&[0.4, 0.3, 10.0, 2.0, 7.0], &[1.8], &[], &mut dx);
+    for (found, expected) in dx[2..].iter().zip([1.8 / 3600.0, 1.0, 3.6 / 3600.0]) {
+        assert!((found - expected).abs() < 1e-14, "{dx:?}");
     }
 }
 

@@ -88,3 +88,23 @@ fn functions_of_t_are_expressions() {
     assert!(TimeFunction::parse("2*(t").is_err());
     assert!(TimeFunction::parse("").is_err());
 }
+
+/// Minutes and hours from two of them on.
+#[test]
+fn a_time_is_shown_in_the_unit_that_suits_it() {
+    for (seconds, shown) in [
+        (0.0, "0 s"),
+        (9e-5, "90 us"),
+        (0.09, "90 ms"),
+        (0.1, "0.1 s"),
+        (119.0, "119 s"),
+        (120.0, "2 min"),
+        (7140.0, "119 min"),
+        (7200.0, "2 h"),
+        (1.8e5, "50 h"),
+        (2.16e5, "2.5 d"),
+    ] {
+        assert_eq!(TimeUnit::shown(seconds, None), shown);
+    }
+    assert_eq!(TimeUnit::shown(5400.0, Some(TimeUnit::H)), "1.5 h");
+}

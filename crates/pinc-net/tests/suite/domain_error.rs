@@ -103,6 +103,9 @@ fn errors_are_in_widths_of_the_state_and_percentiles_are_of_the_points() {
     // In a two hundredth it is beyond the 99th percentile, but not overlooked.
     let found = judged(|_, u| if u[0] > 3.98 { 0.8 } else { 0.0 }, 4096);
     assert!(found.p99 < 1e-6 && (found.max - 0.1).abs() < 1e-6, "{found:?}");
+    // Errors that are equally distributed up to a tenth.
+    let found = judged(|_, u| 0.2 * u[0], 4096);
+    assert!((found.p99 - 0.099).abs() < 1e-4 && found.max > found.p99, "{}", found.p99);
 }
 
 #[test]

@@ -176,3 +176,13 @@ fn the_servo_is_symmetric() {
         assert!(rate.abs() < 1e-15, "{rate}");
     }
 }
+
+/// At a pressure of 5 MPa, from 21 MPa on one side and to none on the other.
+#[test]
+fn the_closed_valve_leaks_through_a_thousandth_of_its_opening() {
+    let orifice = |d: f64| d / (d * d + 0.5 * 0.5).powf(0.25);
+    let flow = 0.5 * 3e-4 * 1e-3 * (orifice(21.0 - 5.0) - orifice(21.0 + 5.0));
+    let expected = 4.0 * 1400.0 / 6e-5 * (flow - 4e-7 * 5.0);
+    let found = rhs(&HydraulicServo::default(), &[0.0, 0.0, 5.0, 0.0], &[0.0])[2];
+    assert!((found - expected).abs() < 1e-9 * expected.abs(), "{found} {expected}");
+}

@@ -362,3 +362,20 @@ pub(crate) mod rows {
         of(["step_us.max", ""], "Controller, one step: longest", US, 3, |of| of.step_us.max),
     ];
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn plans_without_room_are_counted_and_the_first_is_named() {
+        let found = |fits: &[bool]| {
+            let mut tube = TubeMetrics::default();
+            fits.iter().for_each(|fits| tube.add(*fits));
+            tube.to_string()
+        };
+        assert_eq!(found(&[true; 3]), "all 3 plans keep the bounds of the tube");
+        let said = "2 of 5 plans do not keep the bounds of the tube, the first in step 2: ";
+        assert!(found(&[true, true, false, true, false]).starts_with(said));
+    }
+}

@@ -1,6 +1,6 @@
 //! The estimates of a loop whose controller does not see the state.
 
-use super::{CONFIG, METRICS, assert_sound, build, stems, svg, whole, write};
+use super::{CONFIG, METRICS, assert_sound, build, control, stems, svg, whole, write};
 use crate::testing::Plot;
 use std::fmt::Write as _;
 use std::fs;
@@ -157,6 +157,18 @@ fn bands_are_of_95_per_cent_around_the_estimate_in_its_unit() {
     let c = Plot::read(&picture, "c");
     assert_eq!(c.label, "c (kg)");
     c.assert_follows(&c.lines("estimate")[0], |t| estimated(t).2);
+}
+
+#[test]
+fn the_plant_beside_an_estimate_is_the_one_of_the_same_loop() {
+    let dir = with_two_measured();
+    write(&dir, "control-rk4.csv", &control(900, 0.01));
+    for (model, drift) in [("pinc", 1e-4), ("rk4", 0.01)] {
+        let a = Plot::read(&svg(dir.path(), &format!("estimates-{model}")), "a");
+        let plant = a.lines("plant");
+        assert_eq!(plant.len(), 1);
+        a.assert_follows(&plant[0], |t| 1.0 - (-t).exp() + drift * t);
+    }
 }
 
 #[test]

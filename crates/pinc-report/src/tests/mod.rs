@@ -374,17 +374,30 @@ fn bounds_that_change_are_drawn_as_they_change() {
     let dir = whole();
     let changes = "[{ start_s = 20.0, state_high = { a = 1.5 }, state_low = { b = -0.5 } }]";
     let schedule = format!("bound_schedule = {changes}\n[control.sqp]");
-    write(&dir, "config.toml", &CONFIG.replace("[control.sqp]", &schedule));
-    let plot = Plot::read(&svg(dir.path(), "control"), "Controlled states");
-    let limits = plot.lines("limits");
-    for (before, after) in [(1.0, 1.5), (-1.0, -0.5)] {
-        // The corners of a bound that changes; the constant ones are levels.
-        let corners = [(0.0, before), (20.0, before), (20.0, after), (50.0, after)];
-        let near = |(a, b): (&(f64, f64), &(f64, f64))| {
-            (a.0 - b.0).abs() < 0.1 && (a.1 - b.1).abs() < plot.tolerance
-        };
-        let drawn = |line: &Vec<_>| line.len() == 4 && line.iter().zip(&corners).all(near);
-        assert!(limits.iter().any(drawn), "{after}: {limits:?}");
+    let config = CONFIG.replace("[control.sqp]", &schedule);
+    for (unit, seconds) in [("s", 1.0), ("min", 60.0)] {
+        let unit = format!("seed = 7\ntime_unit = \"{unit}\"");
+        write(&dir, "config.toml", &config.replace("seed = 7", &unit));
+        let plot = Plot::read(&svg(dir.path(), "control"), "Controlled states");
+        let limits = plot.lines("limits");
+        for (before, after) in [(1.0, 1.5), (-1.0, -0.5)] {
+            // The corners of a bound that changes; the constant ones are levels.
+            let corners = [(0.0, before), (20.0, before), (20.0, after), (50.0, after)];
+            let near = |(a, b): (&(f64, f64), &(f64, f64))| {
+                (seconds * a.0 - b.0).abs() < 0.1 && (a.1 - b.1).abs() < plot.tolerance
+            };
+            let drawn = |line: &Vec<_>| line.len() == 4 && line.iter().zip(&corners).all(near);
+            assert!(limits.iter().any(drawn), "{after} in {unit}: {limits:?}");
+        }
+    }
+}
+
+/// Of the times 5, 6, .. 11 us, each as often as the others or once more, the middle one.
+#[test]
+fn the_median_time_of_a_step_is_named_beside_its_model() {
+    let picture = svg(whole().path(), "steps");
+    for model in ["PINC", "RK4"] {
+        assert!(picture.contains(&format!(">{model}, median 8.00 µs<")), "{picture}");
     }
 }
 

@@ -45,3 +45,22 @@ fn what_a_batch_does_not_have_is_refused() {
         assert!(error.contains(&format!("`{key}`")), "{error}");
     }
 }
+
+/// The oscillator at rest, whose reference moves after six steps, within the horizon of the one
+/// before.
+#[test]
+fn a_batch_knows_changes_in_advance_with_preview_only() {
+    for preview in [false, true] {
+        let inputs = |end: f64| {
+            let mut batch = batch(&[&format!("control.preview={preview}")]).unwrap();
+            let rows = [[0.0; 2].repeat(6), [end, 0.0].repeat(6)].concat();
+            let references = [Reference::new(rows, 2).unwrap()];
+            batch.loops(&[0.0; 2], &references, &[0.0]).unwrap().remove(0).inputs
+        };
+        let (resting, moving) = (inputs(0.0), inputs(0.5));
+        let first = resting.iter().zip(&moving).position(|(a, b)| (a - b).abs() > 1e-3);
+        let first = first.expect("the reference is followed");
+        assert_eq!(first < 6, preview, "{first}");
+        assert!(first <= 6, "{first}");
+    }
+}

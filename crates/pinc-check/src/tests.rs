@@ -1,0 +1,86 @@
+//! Numbers in findings, and from which numbers on there is one, on plants whose answers are known.
+
+use crate::Severity::{self, Fact, Warning};
+use crate::{Evidence, Finding, Work, check};
+use pinc_config::{Experiment, Plants};
+
+/// The findings on a plant with the states x1 and x2 and the input u, and a loop with steps of 0.5 s
+/// that moves the first of `controlled` from 0 to 0.5. Nothing is run.
+fn findings(derivatives: [&str; 2], sets: &[&str]) -> Vec<Finding> {
+    let text = format!(
+        r#"
+        name = "test"
+        preset = "ours"
+        seed = 1
+        [plant.expression]
+        states = ["x1", "x2"]
+        inputs = ["u"]
+        derivatives = {{ x1 = "{}", x2 = "{}" }}
+        [domain]
+        state_low = [-2.0, -2.0]
+        state_high = [2.0, 2.0]
+        input_low = [-1.0]
+        input_high = [1.0]
+        [control]
+        models = ["rk4"]
+        step_s = 0.5
+        duration_s = 5.0
+        initial_state = [0.0, 0.0]
+        controlled = ["x1"]
+        q = [1.0]
+        r = [1.0]
+        input_low = [-1.0]
+        input_high = [1.0]
+        references = [{{ start_s = 0.0, value = [0.5] }}]
+        "#,
+        derivatives[0], derivatives[1]
+    );
+    let sets: Vec<_> = sets.iter().map(|set| (*set).to_owned()).collect();
+    let experiment =
+        Experiment::parse("test.toml".as_ref(), &text, &sets, &Plants::built_in()).unwrap();
+    let evidence = Evidence {
+        rehearsal: None,
+        cost: None,
+        read: &|_| Err("no files".to_owned()),
+        work: Work::of_a_check(),
+        progress: &|_, _, _| {},
+    };
+    check(&*experiment.plant.dyn_plant(), &experiment, &evidence)
+}
+
+/// How serious the only finding with these words is, and the change that it advises.
+#[track_caller]
+fn only<'a>(findings: &'a [Finding], words: &str) -> (Severity, &'a str) {
+    let found: Vec<_> = findings.iter().filter(|of| of.what.contains(words)).collect();
+    let [found] = found[..] else { panic!("{words}: {findings:#?}") };
+    (found.severity, &found.change)
+}
+
+/// x2 = (1 - s) / (1 + s)^2 u has a zero at 1/s, and goes the wrong way for about 1 s: a horizon of
+/// twice that is long enough.
+#[test]
+fn a_horizon_covers_twice_the_time_of_a_wrong_first_response() {
+    let derivatives = ["u - x1", "2*x1 - u - x2"];
+    let of = |n2: &str| findings(derivatives, &["control.controlled=[\"x2\"]", "control.nu=1", n2]);
+    let short = of("control.n2=3");
+    let (severity, change) = only(&short, "nonminimum phase");
+    assert_eq!(severity, Warning);
+    assert!(change.starts_with("control.n2 of about 4 or more"), "{change}");
+    assert_eq!(only(&of("control.n2=4"), "nonminimum phase").0, Fact);
+}
+
+/// From rest at 0.5, the input at its lower bound moves x1 by 1.5 (1 - exp(-a t)) in the horizon of
+/// 5 s: three times that is the share of the reference's change.
+#[test]
+fn inputs_have_to_make_a_tenth_of_a_change_within_the_horizon() {
+    let of = |share: f64| {
+        let a = -(1.0 - share / 3.0).ln() / 5.0;
+        findings([&format!("{a}*(u - x1)"), "x1 - x2"], &["control.n2=10", "control.nu=10"])
+    };
+    let poor = of(0.09);
+    let (severity, change) = only(&poor, "can move x1 by 0.09 of a change of its reference");
+    assert_eq!(severity, Warning);
+    // A horizon in which they make half of it: 10 * 0.5 / 0.09.
+    assert!(change.starts_with("n2 of about 56"), "{change}");
+    assert!(of(0.11).iter().all(|of| !of.what.contains("of a change of its reference")));
+}
