@@ -172,13 +172,12 @@ const WITH_FILES: [&str; 4] = ["pinc-external", "pinc-config", "pinc-record", "p
 const WITH_EXAMPLES: [&str; 7] =
     ["pinc-ad", "pinc-ode", "pinc-net", "pinc-mpc", "pinc-estimate", "pinc-identify", "pinc"];
 
-/// No crate has more lines in its sources.
+/// No crate has more lines in its sources, files of tests left out.
 const LARGEST: usize = 8000;
 
 /// Crates that have more: the parts of one iteration read each other's numbers, and batches of
 /// controllers what a loop is made from.
-const LARGER: [(&str, usize); 4] =
-    [("pinc-config", 8700), ("pinc-mpc", 8400), ("pinc-report", 8050), ("pinc-runs", 8540)];
+const LARGER: [(&str, usize); 2] = [("pinc-config", 8700), ("pinc-mpc", 8400)];
 
 /// Files longer than this are listed; a file that passes it wants to be split.
 const LONG: usize = 400;
@@ -535,7 +534,11 @@ fn exceptions_from_lints_are_expected_and_explained() {
 #[test]
 fn crates_are_small() {
     for name in all_crates() {
-        let lines: usize = sources(name).iter().map(|(_, text)| text.lines().count()).sum();
+        let is_test = |path: &Path| {
+            path.components().any(|part| part.as_os_str() == "tests") || path.ends_with("tests.rs")
+        };
+        let own = sources(name).into_iter().filter(|(path, _)| !is_test(path));
+        let lines: usize = own.map(|(_, text)| text.lines().count()).sum();
         let own = LARGER.iter().find(|(larger, _)| *larger == name);
         let most = own.map_or(LARGEST, |(_, most)| *most);
         assert!(lines <= most, "{name}: {lines} lines, at most {most}");

@@ -180,15 +180,13 @@ mod tests {
     fn base() -> Experiment {
         let config = Path::new("../../configs/smoke/rk4-only.toml");
         let set = ["control.models=[\"rk4\"]".to_owned()];
-        Experiment::load(config, &set, &Plants::built_in()).unwrap()
-    }
-
-    fn cost(base: &Experiment) -> Cost {
         let spec = r#"
             ranges = [{ key = "control.r.0", low = 0.1, high = 10.0 }]
             cost = { iae_dense_sum = 1.5, input_travel = 0.25 }
         "#;
-        Cost::of(base, &toml::from_str(spec).unwrap()).unwrap()
+        let mut base = Experiment::load(config, &set, &Plants::built_in()).unwrap();
+        base.tune = Some(toml::from_str(spec).unwrap());
+        base
     }
 
     /// A loop of ten steps with this IAE and travel of the inputs.
@@ -210,7 +208,7 @@ mod tests {
     #[test]
     fn a_cost_is_the_weighted_sum_of_the_means_over_the_loops_that_did_not_fail() {
         let base = base();
-        let mut cost = cost(&base);
+        let mut cost = Cost::of(&base).unwrap();
         // What has a unit is measured by its mean here, 3; the travel has none.
         cost.set_scales(&[finished(2.0, 5.0, "converged"), finished(4.0, 7.0, "converged")]);
         let fine = [finished(6.0, 8.0, "converged"), finished(12.0, 4.0, "converged")];

@@ -273,7 +273,7 @@ class Shrunk:
     """The directory of the results, with the net and its check as C."""
     text: str = field(repr=False)
     """The judgement in words."""
-    no_c: Optional[str] = None
+    no_c: Optional[str]
     """Why there is no C, if the controller cannot be exported."""
 
     def __str__(self) -> str:

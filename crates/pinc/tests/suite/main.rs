@@ -37,6 +37,7 @@ mod seams;
 mod search;
 mod serve;
 mod shared;
+mod shrink;
 mod slurm;
 mod smoke;
 mod stages;
