@@ -16,9 +16,11 @@ pub(crate) const SHARE: u64 = 400_000_000;
 /// What each may do however much those before it did.
 const LEAST: u64 = 2_000_000;
 
-/// Units that an evaluation of an equation takes for each state: of one that is compiled, of text
-/// that is solved for algebraic variables, and of one that another program has.
+/// Units that an evaluation of an equation takes for each state: of one that is compiled, of one that
+/// is compiled and solved for boiling points, of text that is solved for algebraic variables, and of one
+/// that another program has.
 const COMPILED: u64 = 3;
+const BOILING: u64 = 12;
 const ALGEBRAIC: u64 = 400;
 const EXTERNAL: u64 = 1000;
 
@@ -106,6 +108,7 @@ impl Metered {
                 .listing(&[])
                 .map_or_else(|_| of_states(ALGEBRAIC), |list| list.instructions.len() as u64),
             other if other.is_black_box() => of_states(EXTERNAL),
+            PlantSpec::AcetoneStill(_) | PlantSpec::AcetoneColumn(_) => of_states(BOILING),
             _ => of_states(COMPILED),
         };
         let units = units.max(1);
