@@ -58,13 +58,20 @@ static pinc_status pinc_guarded_plan(pinc_mpc *m, const PINC_REAL *x, const PINC
     status = pinc_choose_plan(m, x, reference);
     if (m->followed != 0) {
         m->trust = (pinc_trusts(m) != 0) ? PINC_TRUSTED : PINC_DOUBTED;
-#if PINC_REPEATS
-        if (m->trust == PINC_DOUBTED) {
-            m->trust = PINC_SUBSTITUTED;
-            pinc_go_back(m);
-            status = pinc_choose_plan(m, x, reference);
-        }
-#endif
     }
+#if PINC_REPEATS
+    else if (status != PINC_DEADLINE) {
+        /* No plan was found, although there was time. */
+        (void)pinc_trusts(m);
+        m->trust = PINC_DOUBTED;
+    } else {
+        /* There is no time for another. */
+    }
+    if (m->trust == PINC_DOUBTED) {
+        m->trust = PINC_SUBSTITUTED;
+        pinc_go_back(m);
+        status = pinc_choose_plan(m, x, reference);
+    }
+#endif
     return status;
 }

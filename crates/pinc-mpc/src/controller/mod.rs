@@ -360,7 +360,8 @@ impl Nmpc {
         Ok(found?.report(self.plan.first_input()))
     }
 
-    /// A step that the judge of `guard` looks at, and that its substitute makes over if need be.
+    /// A step that the judge of `guard` looks at, and that its substitute makes over if it is not
+    /// trusted, or if no plan was found although there was time.
     fn guarded_step(
         &mut self,
         guard: &mut Guard,
@@ -372,11 +373,13 @@ impl Nmpc {
             substitute.continue_from(self);
         }
         let planned = self.plan_step(x, reference, expired);
-        if !planned.followed {
+        let repeats = guard.substitute.is_some() && planned.status != SqpStatus::Deadline;
+        if !(planned.followed || repeats) {
             return Ok(planned);
         }
         let u = self.plan.first_input();
-        let trusted = guard.judge.trusts(&self.start, u, &self.parameters);
+        // The judge also measures the error, which a substitute may need.
+        let trusted = guard.judge.trusts(&self.start, u, &self.parameters) && planned.followed;
         let trust = match (trusted, &mut guard.substitute) {
             (true, _) => Trust::Trusted,
             (false, None) => Trust::Doubted,

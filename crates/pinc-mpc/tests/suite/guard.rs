@@ -1,8 +1,9 @@
 //! A judge of the model, and the controller that takes over.
 
 use crate::problems::van_der_pol;
+use pinc_ad::Scalar;
 use pinc_mpc::{Judge, MpcError, Nmpc, NmpcProblem, SqpConfig, Trust};
-use pinc_ode::{Model, Rk4};
+use pinc_ode::{Model, Plant, Rk4, Variable};
 use pinc_plants::VanDerPol;
 
 /// Trusts the model where the first state is at least `from`.
@@ -109,6 +110,38 @@ fn a_substitute_of_another_size_is_refused() {
         Nmpc::new(NmpcProblem { delay: 1, ..van_der_pol() }, model(1.0), SqpConfig::default());
     let refused = guarded(0.0, 0, Some(other.unwrap())).unwrap_err().to_string();
     assert!(refused.contains("the substitute's delay"), "{refused}");
+}
+
+/// The oscillator, with an equation that has no value where x1 is above 0.7.
+#[derive(Clone, Debug)]
+struct Undefined(VanDerPol);
+
+impl Plant for Undefined {
+    fn states(&self) -> &[Variable] {
+        self.0.states()
+    }
+    fn inputs(&self) -> &[Variable] {
+        self.0.inputs()
+    }
+    fn rhs<S: Scalar>(&self, x: &[S], u: &[S], p: &[S], dx: &mut [S]) {
+        self.0.rhs(x, u, p, dx);
+        dx[0] = dx[0] + (-x[0] + 0.7).ln() * 0.0;
+    }
+}
+
+/// A model without a value leads to no plan; the substitute makes one, and the loop goes on from it.
+#[test]
+fn a_step_without_a_plan_is_made_over() {
+    let undefined: Box<dyn Model> = Box::new(Rk4::new(Undefined(VanDerPol { mu: 1.0 }), 0.5, 4));
+    let builder = Nmpc::builder(van_der_pol()).model(undefined);
+    let judge = Box::new(Above(f64::NEG_INFINITY));
+    let mut nmpc = builder.guard(judge, Some(plain(1.0, 0))).build().unwrap();
+    let found = run(&mut nmpc, 12);
+    assert_eq!(found[0].1, Trust::Substituted);
+    assert_eq!(found[11].1, Trust::Trusted);
+    for ((u, _), (expected, _)) in found.iter().zip(run(&mut plain(1.0, 0), 12)) {
+        assert!((u - expected).abs() < 1e-6, "{u} is not {expected}");
+    }
 }
 
 /// A step whose time was up follows the plan before, which was judged then.
