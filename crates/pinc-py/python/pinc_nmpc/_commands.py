@@ -159,8 +159,8 @@ def shrink(
     ``iterations``, and judged by ``loops`` it was not trained on. Results are in ``out``, by default
     ``runs/<name>-shrink``.
     """
-    with _files(model) as (model, _):
-        common = _Common(config, overrides, model, only, out, verbose=verbose)
+    with _files(model) as (path, _):
+        common = _Common(config, overrides, path, only, out, verbose=verbose)
         return Shrunk(*_native.shrink_into(common, neurons, samples, iterations, loops))
 
 
