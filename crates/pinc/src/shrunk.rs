@@ -1,12 +1,13 @@
 //! `pinc shrink`: a net in place of a controller.
 
 use crate::choices::{SetArgs, model_kind};
-use crate::options::{arguments, options};
+use crate::options::arguments;
 use crate::printed::show;
 use pinc_bench::ShrinkOptions;
 use pinc_config::{Experiment, ModelKind, Plants};
-use pinc_runs::{RunError, console};
+use pinc_runs::{Options, RunError, Verbosity, console};
 use std::path::{Path, PathBuf};
+use std::sync::atomic::AtomicBool;
 
 #[derive(Debug, clap::Args)]
 pub(crate) struct ShrinkArgs {
@@ -50,7 +51,10 @@ impl ShrinkArgs {
         let named = || Path::new("runs").join(format!("{}-shrink", experiment.name));
         let dir = self.out.clone().unwrap_or_else(named);
         let arguments = arguments();
-        let options = options(false, quiet, &arguments);
+        let verbosity = if quiet { Verbosity::Quiet } else { Verbosity::Shown };
+        // Ctrl-C ends the program at once: there is nothing that could be resumed.
+        let interrupt = &AtomicBool::new(false);
+        let options = Options { resume: false, verbosity, interrupt, arguments: &arguments };
         let model = (self.model.as_deref(), self.only);
         let shrunk = pinc_bench::shrink(&experiment, model, &dir, &options, how)?;
         show(quiet, &shrunk.to_string())?;
