@@ -3,11 +3,15 @@
 use crate::choices::{SetArgs, model_kind};
 use crate::options::arguments;
 use crate::printed::show;
+use clap::builder::RangedU64ValueParser;
 use pinc_bench::ShrinkOptions;
 use pinc_config::{Experiment, ModelKind, Plants};
 use pinc_runs::{Options, RunError, Verbosity, console};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::AtomicBool;
+
+/// The most plans, iterations and loops.
+const MOST: u64 = 4_294_967_295;
 
 #[derive(Debug, clap::Args)]
 pub(crate) struct ShrinkArgs {
@@ -23,17 +27,17 @@ pub(crate) struct ShrinkArgs {
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
     /// Neurons in each of the two hidden layers.
-    #[arg(long, default_value_t = 30, value_parser = clap::value_parser!(u16).range(1..=200))]
-    neurons: u16,
+    #[arg(long, default_value_t = ShrinkOptions::default().neurons, value_parser = count(1, 200))]
+    neurons: usize,
     /// Plans to train on, about.
-    #[arg(long, default_value_t = 16_000, value_parser = clap::value_parser!(u32).range(100..))]
-    samples: u32,
+    #[arg(long, default_value_t = ShrinkOptions::default().samples, value_parser = count(100, MOST))]
+    samples: usize,
     /// The most iterations of the training.
-    #[arg(long, default_value_t = 2000)]
-    iterations: u32,
+    #[arg(long, default_value_t = ShrinkOptions::default().iterations, value_parser = count(0, MOST))]
+    iterations: usize,
     /// Closed loops to judge by, with states and references that were not trained on.
-    #[arg(long, default_value_t = 200, value_parser = clap::value_parser!(u32).range(1..))]
-    loops: u32,
+    #[arg(long, default_value_t = ShrinkOptions::default().loops, value_parser = count(1, MOST))]
+    loops: usize,
     #[command(flatten)]
     set: SetArgs,
 }
@@ -42,12 +46,8 @@ impl ShrinkArgs {
     /// Makes the net, judges it, and writes the judgement and the C.
     pub(crate) fn shrink(&self, plants: &Plants, quiet: bool) -> Result<(), RunError> {
         let experiment = Experiment::load(&self.config, &self.set.overrides(), plants)?;
-        let how = ShrinkOptions {
-            neurons: usize::from(self.neurons),
-            samples: as_usize(self.samples),
-            iterations: as_usize(self.iterations),
-            loops: as_usize(self.loops),
-        };
+        let Self { neurons, samples, iterations, loops, .. } = *self;
+        let how = ShrinkOptions { neurons, samples, iterations, loops };
         let named = || Path::new("runs").join(format!("{}-shrink", experiment.name));
         let dir = self.out.clone().unwrap_or_else(named);
         let arguments = arguments();
@@ -65,6 +65,7 @@ impl ShrinkArgs {
     }
 }
 
-fn as_usize(value: u32) -> usize {
-    usize::try_from(value).unwrap_or(usize::MAX)
+/// A number within these limits.
+fn count(low: u64, high: u64) -> RangedU64ValueParser<usize> {
+    RangedU64ValueParser::new().range(low..=high)
 }
