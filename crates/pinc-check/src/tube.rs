@@ -1,7 +1,9 @@
 //! The distances by which a tube tightens bounds, and bounds that leave no room.
 
 use crate::{Finding, Rehearsal, Subject, estimation::marks, short};
-use pinc_config::{ControlSpec, LoopParameters, ModelKind, TubeParts, UncertaintySpec, Variables};
+use pinc_config::{
+    ControlSpec, LoopParameters, ModelKind, NetErrorSpec, TubeParts, UncertaintySpec, Variables,
+};
 use pinc_mpc::NmpcProblem;
 use pinc_ode::{DynPlant, Integrator, LinearizationBuffer, Stages, Variable};
 use pinc_tube::{AlongPlan, BackOffs, Tube, TubeModel};
@@ -27,11 +29,13 @@ pub(crate) fn examine(subject: &Subject<'_>) -> Vec<Finding> {
     };
     let bounds = bounds(&problem, &*plant, &found);
     let tightened = bounds.iter().filter(|bound| bound.by > 0.0).map(Bound::in_words);
-    let left_out =
-        [("the estimator's covariance", spec.estimate), ("the net's error", spec.net_error)]
-            .iter()
-            .filter_map(|(name, counts)| counts.then_some(*name))
-            .collect::<Vec<_>>();
+    let left_out = [
+        ("the estimator's covariance", spec.estimate),
+        ("the net's error", spec.net_error != NetErrorSpec::None),
+    ]
+    .iter()
+    .filter_map(|(name, counts)| counts.then_some(*name))
+    .collect::<Vec<_>>();
     let mut what = format!(
         "at the horizon's end bounds are tightened by at most {}",
         tightened.collect::<Vec<_>>().join(", ")
@@ -77,6 +81,7 @@ fn along_the_loop(
         variables: &Variables::of(plant),
         model: TubeModel { model: own, more: Vec::new() },
         places: &spec.places(plant.parameters()).collect::<Vec<_>>(),
+        proven: None,
         error: None,
     };
     let mut tube = spec.tube(parts).ok()?;

@@ -31,9 +31,10 @@ pub struct UncertaintySpec {
     /// Whether the covariance of the estimated state counts.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub estimate: bool,
-    /// Whether the estimated error of the net counts, as a limit of its error in each stage.
-    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
-    pub net_error: bool,
+    /// Whether the error of the net counts: `true` takes its estimate as the limit in each stage,
+    /// `"proven"` the bound in the certificate of the model file.
+    #[serde(default, with = "net_error", skip_serializing_if = "NetErrorSpec::is_none")]
+    pub net_error: NetErrorSpec,
     /// Feedback that is taken to act on deviations from the plan: `"riccati"`, the linear-quadratic
     /// regulator along the plan; `"none"`; or a matrix with one row per input.
     #[serde(default, skip_serializing_if = "is_default")]
@@ -56,6 +57,62 @@ pub enum ProbabilitySpec {
 pub enum WorstCase {
     /// The worst case.
     WorstCase,
+}
+
+/// What is known of a net's error.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum NetErrorSpec {
+    /// It does not count.
+    #[default]
+    None,
+    /// Its estimate in each stage.
+    Estimated,
+    /// Its proven bound, which holds in the domain of the net.
+    Proven,
+}
+
+impl NetErrorSpec {
+    pub(crate) fn is_none(&self) -> bool {
+        *self == Self::None
+    }
+}
+
+/// `false`, `true` and `"proven"`.
+mod net_error {
+    use super::NetErrorSpec;
+    use serde::{Deserialize, Deserializer, Serialize, Serializer};
+
+    #[derive(Serialize, Deserialize)]
+    #[serde(untagged, expecting = "expected true, false or \"proven\"")]
+    enum Value {
+        Counts(bool),
+        Word(Word),
+    }
+
+    #[derive(Serialize, Deserialize)]
+    #[serde(rename_all = "lowercase")]
+    enum Word {
+        Proven,
+    }
+
+    pub(super) fn serialize<S: Serializer>(spec: &NetErrorSpec, to: S) -> Result<S::Ok, S::Error> {
+        let value = match spec {
+            NetErrorSpec::None => Value::Counts(false),
+            NetErrorSpec::Estimated => Value::Counts(true),
+            NetErrorSpec::Proven => Value::Word(Word::Proven),
+        };
+        value.serialize(to)
+    }
+
+    pub(super) fn deserialize<'de, D: Deserializer<'de>>(
+        from: D,
+    ) -> Result<NetErrorSpec, D::Error> {
+        Ok(match Value::deserialize(from)? {
+            Value::Counts(false) => NetErrorSpec::None,
+            Value::Counts(true) => NetErrorSpec::Estimated,
+            Value::Word(Word::Proven) => NetErrorSpec::Proven,
+        })
+    }
 }
 
 /// The feedback of a tube.
@@ -99,7 +156,9 @@ pub struct TubeParts<'a> {
     pub model: TubeModel,
     /// Their places, in the order of their names.
     pub places: &'a [usize],
-    /// The error of the net, if that is the model.
+    /// The proven error of a step of the net by state, if that is the model and counts.
+    pub proven: Option<&'a [f64]>,
+    /// The estimated error of the net, if that is the model and counts.
     pub error: Option<Box<dyn StageError>>,
 }
 
@@ -124,21 +183,28 @@ impl UncertaintySpec {
     ///
     /// [`TubeError`] if the parts do not fit together.
     pub fn tube(&self, parts: TubeParts<'_>) -> Result<EllipsoidTube, TubeError> {
-        let limit = |name: &String| self.boxes.get(name).copied().unwrap_or(0.0);
+        let proven = |i: usize| parts.proven.and_then(|proven| proven.get(i)).copied();
+        let limit = |(i, name): (usize, &String)| {
+            self.boxes.get(name).copied().unwrap_or(0.0) + proven(i).unwrap_or(0.0)
+        };
         let (dims, problem) = parts.sizes;
         let intervals = self.parameters.values().zip(parts.places);
         let intervals = intervals.map(|(&[low, high], &place)| Interval { place, low, high });
         let units = problem.units(dims);
         let units = TubeUnits { states: units.states, inputs: units.inputs };
         let states = parts.variables.state_names();
-        let is_limited = !self.boxes.is_empty();
+        let is_limited = !self.boxes.is_empty() || parts.proven.is_some();
         let sources = Sources {
             probability: self.chance(),
             process_sd: self.process_sd.clone(),
-            boxes: if is_limited { states.iter().map(limit).collect() } else { Vec::new() },
+            boxes: if is_limited {
+                states.iter().enumerate().map(limit).collect()
+            } else {
+                Vec::new()
+            },
             parameters: intervals.collect(),
             estimate: self.estimate,
-            error: parts.error.filter(|_| self.net_error),
+            error: parts.error,
         };
         let feedback = match &self.feedback {
             FeedbackSpec::Word(FeedbackWord::Riccati) => Feedback::Riccati,

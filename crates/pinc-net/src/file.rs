@@ -11,6 +11,8 @@ use serde_json::Value;
 use std::collections::BTreeMap;
 
 const FORMAT: &str = "pinc-model";
+/// The metadata key of the certificate, which is left out without one.
+const CERTIFICATE: &str = "certificate";
 /// The format versions of nets of one plant, and of nets that take parameters as inputs.
 const VERSIONS: [&str; 2] = ["1", "2"];
 const ACTIVATION: &str = "tanh";
@@ -121,11 +123,12 @@ impl PincNet {
         // map, so that the same net would give other bytes each time.
         let mut header = BTreeMap::new();
         let mut data = Vec::new();
-        let metadata = BTreeMap::from([
+        let mut metadata = BTreeMap::from([
             ("format", FORMAT.to_owned()),
             ("version", version.to_owned()),
             ("model", serde_json::json!(description).to_string()),
         ]);
+        metadata.extend(self.certificate.iter().map(|text| (CERTIFICATE, text.clone())));
         header.insert("__metadata__".to_owned(), serde_json::json!(metadata));
         for (i, layer) in self.mlp.layers().enumerate() {
             let tensors = [
@@ -175,7 +178,20 @@ impl PincNet {
             let (field, problem) = ("parameters", "are known from version 2 on");
             return Err(ModelError::Inconsistent { field, problem });
         }
-        description.into_net(&SafeTensors::deserialize(bytes).map_err(container)?)
+        let net = description.into_net(&SafeTensors::deserialize(bytes).map_err(container)?)?;
+        Ok(net.with_certificate(metadata.get(CERTIFICATE).cloned()))
+    }
+
+    /// What is proven of the net, a text for those who prove it and rely on it.
+    #[must_use]
+    pub fn certificate(&self) -> Option<&str> {
+        self.certificate.as_deref()
+    }
+
+    /// The net with another certificate, or without one.
+    #[must_use]
+    pub fn with_certificate(self, certificate: Option<String>) -> Self {
+        Self { certificate, ..self }
     }
 }
 
@@ -202,6 +218,7 @@ impl Description {
             inputs: self.inputs,
             time_only: self.time_only,
             source: self.source,
+            certificate: None,
         })
     }
 

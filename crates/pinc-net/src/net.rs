@@ -120,6 +120,7 @@ pub struct PincNet {
     pub(crate) domain: Domain,
     pub(crate) time_only: Option<Scenario>,
     pub(crate) source: TrainingTarget,
+    pub(crate) certificate: Option<String>,
 }
 
 impl PincNet {
@@ -163,6 +164,7 @@ impl PincNet {
             domain,
             time_only: config.time_only.clone(),
             source: TrainingTarget::Physics,
+            certificate: None,
         })
     }
 
@@ -233,7 +235,7 @@ impl PincNet {
     }
 
     /// The net of the plant with the parameters `p`, `np`, which takes none: their part goes into
-    /// the biases.
+    /// the biases. What is certified of the family is certified of each member.
     ///
     /// # Panics
     ///

@@ -6,7 +6,7 @@ use crate::discrete::Discrete;
 use crate::errors::{input, of_run};
 use pinc_net::{FoldedNet, PincModel, PincNet, TrainingTarget};
 use pinc_record::{read_file, write_atomically};
-use pinc_runs::{Certificate, ErrorEstimate, RunError, certificate, certified, error_estimate};
+use pinc_runs::{ErrorEstimate, RunError, certificate, error_estimate};
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict, PyTuple};
 use std::collections::BTreeMap;
@@ -19,7 +19,6 @@ use std::sync::{Mutex, PoisonError};
 pub(crate) struct Model {
     net: PincNet,
     discrete: Discrete,
-    certificate: Option<Certificate>,
     /// The estimate of the error, against the plant of the config that was given last.
     estimate: Mutex<Option<(Source, ErrorEstimate)>>,
 }
@@ -31,7 +30,6 @@ impl Model {
         let names = [net.state_names().to_vec(), net.input_names().to_vec(), parameters];
         Ok(Self {
             discrete: Discrete::new(names, move || Box::new(model.clone())),
-            certificate: None,
             estimate: Mutex::new(None),
             net,
         })
@@ -40,15 +38,12 @@ impl Model {
     fn parse(path: &Path, bytes: &[u8]) -> PyResult<Self> {
         let net = PincNet::from_bytes(bytes)
             .map_err(|source| of_run(&RunError::Model { path: path.to_owned(), source }))?;
-        Ok(Self { certificate: certificate(bytes), ..Self::of(net)? })
+        Self::of(net)
     }
 
     /// The content of its file, with its certificate if it has one.
     pub(crate) fn bytes(&self) -> Vec<u8> {
-        match &self.certificate {
-            Some(certificate) => certified(&self.net, certificate),
-            None => self.net.to_bytes(),
-        }
+        self.net.to_bytes()
     }
 }
 
@@ -131,7 +126,7 @@ impl Model {
     /// The proven bound of the error of one step by state, or None without a certificate.
     #[getter]
     fn proven_error(&self) -> Option<BTreeMap<String, f64>> {
-        self.certificate.as_ref().map(|of| of.proven.clone())
+        certificate(&self.net).map(|of| of.proven)
     }
 
     /// The estimated error of the state after T, to first order, against the plant of a config.

@@ -1,6 +1,6 @@
 //! The one model that a controller outside of a run works with.
 
-use super::{LoopSetup, Schedules, matching_model};
+use super::{LoopSetup, Schedules, matching_model, proof};
 use crate::RunError;
 use pinc_config::{ControlSpec, Experiment, LoopParameters, ModelKind};
 use pinc_mpc::Scenarios;
@@ -46,6 +46,8 @@ pub(super) struct Chosen<'e> {
     /// The places of those that are measured, in the order of the config.
     pub(super) measured: Vec<usize>,
     scenarios: Option<Scenarios>,
+    /// See [`LoopSetup`].
+    proven: Option<Vec<f64>>,
     truth: Box<dyn DynPlant>,
     experiment: Cow<'e, Experiment>,
 }
@@ -91,6 +93,7 @@ impl<'e> Chosen<'e> {
             (ModelKind::Pinc, Some(file)) => Some(file.matching(experiment)?),
             _ => None,
         };
+        let proven = proof::limits(experiment, given.as_ref().map(|(_, net)| net))?;
         // In a family, a net stands for the member that the config names, unless an estimator or a
         // measurement says which one it is, or it is uncertain; an integrator gets it at each call.
         let LoopParameters { names, values, estimated } = experiment.loop_parameters();
@@ -127,6 +130,7 @@ impl<'e> Chosen<'e> {
             estimated,
             measured,
             scenarios: experiment.scenarios(),
+            proven,
             truth,
             experiment: told,
         })
@@ -148,6 +152,7 @@ impl<'e> Chosen<'e> {
             spec: self.spec,
             kinds: std::slice::from_ref(&self.kind),
             net: self.net(),
+            proven: self.proven.clone(),
             sample_time_s: self.sample_time_s,
             seed: 0,
             parameters: &self.parameters,

@@ -39,6 +39,8 @@ pub struct LoopSetup<'a> {
     pub(crate) kinds: &'a [ModelKind],
     /// The net, where one of them needs it.
     pub(crate) net: Option<&'a PincNet>,
+    /// The proven error of a step of the net, where a tube asks for it.
+    pub(crate) proven: Option<Vec<f64>>,
     /// Length T of a step.
     pub(crate) sample_time_s: f64,
     /// What the noise of measurements follows from.
@@ -297,6 +299,7 @@ impl<'a> LoopSetup<'a> {
             spec,
             kinds,
             net: None,
+            proven: None,
             sample_time_s,
             seed: 0,
             parameters: &[],

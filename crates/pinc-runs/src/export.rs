@@ -14,6 +14,7 @@ use pinc_export::{
 };
 use pinc_expr::PlantEquations;
 use pinc_mpc::NmpcProblem;
+use pinc_net::PincNet;
 use pinc_ode::{DynPlant, Integrator};
 use pinc_record::{RecordError, read_file, write_atomically};
 use sha2::{Digest, Sha256};
@@ -74,7 +75,7 @@ pub fn export_net(
     let stem = model.file_stem().unwrap_or_default().to_string_lossy();
     let name = name.map_or_else(|| Ok(Name::nearest(&stem)), Name::new)?;
     let origin =
-        Origin { proven: proven(&bytes), ..Origin::of_net(&net, crate::VERSION, &sha256(&bytes)) };
+        Origin { proven: proven(&net), ..Origin::of_net(&net, crate::VERSION, &sha256(&bytes)) };
     let files = match to {
         Target::C => pinc_export::net_to_c(&net, equations.as_ref(), &name, &origin)?,
         Target::Casadi => pinc_export::net_to_casadi(&net, &name, &origin)?,
@@ -178,8 +179,7 @@ pub fn export_controller(
     let judged = chosen.net().is_some() && !spec.error_tolerance.is_empty();
     let mut content = experiment.to_toml().into_bytes();
     content.extend(chosen.given.iter().flat_map(|(bytes, _)| bytes));
-    let net = chosen.given.as_ref().map(|(bytes, _)| &bytes[..]);
-    let origin = Origin { proven: net.and_then(proven), ..origin(&content, &*plant) };
+    let origin = Origin { proven: chosen.net().and_then(proven), ..origin(&content, &*plant) };
     let controller = Controller {
         problem: &NmpcProblem {
             parameters: estimating.as_ref().map_or_else(Vec::new, |of| of.unknowns.clone()),
@@ -314,9 +314,9 @@ fn origin(content: &[u8], plant: &dyn DynPlant) -> Origin {
     }
 }
 
-/// The certificate in a model file in words, if there is one.
-fn proven(bytes: &[u8]) -> Option<String> {
-    certificate(bytes).map(|of| of.to_string())
+/// The certificate of a net in words, if there is one.
+fn proven(net: &PincNet) -> Option<String> {
+    certificate(net).map(|of| of.to_string())
 }
 
 /// The FMU of this content, with a binary for this machine where it has a C compiler.

@@ -3,7 +3,9 @@
 use super::control::LoopSetup;
 use super::model_error::{ErrorJudge, NetError, SharedLog, correction};
 use crate::RunError;
-use pinc_config::{HorizonPlants, ModelKind, OnError, TubeParts, UncertaintySpec, Variables};
+use pinc_config::{
+    HorizonPlants, ModelKind, NetErrorSpec, OnError, TubeParts, UncertaintySpec, Variables,
+};
 use pinc_estimate::{Augmentation, Compensated, SteadyTarget};
 use pinc_integer::BranchAndBound;
 use pinc_mpc::{IntegratedCost, Nmpc, NmpcBuilder, NmpcProblem};
@@ -40,13 +42,15 @@ impl LoopSetup<'_> {
             let estimated = [&of.estimated[..], &uncertain].concat();
             model = Box::new(Compensated::new(model, Augmentation { estimated, ..of.clone() })?);
         }
-        let net = self.net.filter(|_| kind == ModelKind::Pinc && spec.net_error);
-        let error = net.map(|net| NetError::new(net, plant, augmentation)).transpose()?;
+        let net = self.net.filter(|_| kind == ModelKind::Pinc);
+        let estimated = net.filter(|_| spec.net_error == NetErrorSpec::Estimated);
+        let error = estimated.map(|net| NetError::new(net, plant, augmentation)).transpose()?;
         Ok(spec.tube(TubeParts {
             sizes: (model.dims().with_parameters(np), problem),
             variables: &Variables::of(plant),
             model: TubeModel { model, more },
             places: &places,
+            proven: net.and(self.proven.as_deref()),
             error: error.map(|error| Box::new(error) as Box<dyn StageError>),
         })?)
     }

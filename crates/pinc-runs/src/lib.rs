@@ -71,7 +71,7 @@ pub use pinc_check::{Finding, IntegratorBox, Severity, findings_json};
 pub use pinc_verify::ErrorEstimate;
 pub use predict::predict;
 pub use progress::Verbosity;
-pub use proof::{Certificate, certificate, certified};
+pub use proof::{Certificate, certificate};
 pub use single_step::Steps;
 pub use train::Threads;
 pub use train_watched::{TrainedNet, TrainingProgress, train_watched};
@@ -400,6 +400,7 @@ impl Stages<'_> {
                 spec,
                 kinds: &plan.loops,
                 net,
+                proven: proof::limits(experiment, net)?,
                 sample_time_s,
                 seed: experiment.seed,
                 parameters: &values,

@@ -4,15 +4,12 @@ use crate::RunError;
 use crate::certify::{ends, hash, variables};
 use crate::progress::{Stage, Verbosity};
 use pinc_check::step_error;
-use pinc_config::Experiment;
+use pinc_config::{Experiment, NetErrorSpec};
 use pinc_net::{PincNet, Points};
 use pinc_record::ByName;
 use pinc_verify::{Bracket, Search, SearchSettings, StepError, StepModel};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
-
-/// The key of the certificate in a model file's metadata.
-const KEY: &str = "certificate";
 
 /// An error found that is larger than this part of its tolerance asks for more training: a proof
 /// would take long.
@@ -134,7 +131,7 @@ pub(crate) fn attempt(
     let asked = states.clone().zip(tolerance.iter().copied());
     Ok(Attempt::Proven(Box::new(Certificate {
         version: crate::VERSION.to_owned(),
-        net: hash(&net.to_bytes()),
+        net: hash_of(net),
         equation: equation(experiment, net).unwrap_or_default(),
         tolerance: asked.filter(|(_, most)| most.is_finite()).collect(),
         proven: states.zip(bracket.proven).collect(),
@@ -167,35 +164,66 @@ pub(crate) fn worst_points(
     Ok(points)
 }
 
-/// The model file of `net` with a certificate in its metadata.
+/// SHA-256 of the model file of `net` without a certificate, in hexadecimal digits.
+fn hash_of(net: &PincNet) -> String {
+    hash(&net.clone().with_certificate(None).to_bytes())
+}
+
+/// `net` with a certificate.
 ///
 /// # Panics
 ///
-/// Never: what [`PincNet::to_bytes`] writes can be read.
+/// Never: a certificate has a JSON text.
 #[must_use]
-pub fn certified(net: &PincNet, certificate: &Certificate) -> Vec<u8> {
-    let bytes = net.to_bytes();
-    let (mut header, data) = split(&bytes).expect("a model file that was just made");
-    header["__metadata__"][KEY] = serde_json::json!(certificate).to_string().into();
-    let mut text = header.to_string().into_bytes();
-    text.resize(text.len().next_multiple_of(8), b' ');
-    let mut all = (text.len() as u64).to_le_bytes().to_vec();
-    all.extend(text);
-    all.extend_from_slice(data);
-    all
+pub(crate) fn certified(net: PincNet, certificate: &Certificate) -> PincNet {
+    let text = serde_json::to_string(certificate).expect("a certificate has a JSON text");
+    net.with_certificate(Some(text))
 }
 
-/// The header of a safetensors file, and the rest.
-fn split(bytes: &[u8]) -> Option<(serde_json::Value, &[u8])> {
-    let (length, rest) = bytes.split_first_chunk::<8>()?;
-    let length = usize::try_from(u64::from_le_bytes(*length)).ok()?;
-    let (header, data) = rest.split_at_checked(length)?;
-    Some((serde_json::from_slice(header).ok()?, data))
+/// The certificate of a net, if it has one that can be read.
+#[must_use]
+pub fn certificate(net: &PincNet) -> Option<Certificate> {
+    serde_json::from_str(net.certificate()?).ok()
 }
 
-/// The certificate in the bytes of a model file, if there is one that can be read.
-#[must_use]
-pub fn certificate(bytes: &[u8]) -> Option<Certificate> {
-    let (header, _) = split(bytes)?;
-    serde_json::from_str(header["__metadata__"][KEY].as_str()?).ok()
+/// The certificate of `net`, which must be of this net, of its domain and of the experiment's
+/// equation; why there is none otherwise.
+pub(crate) fn matching(experiment: &Experiment, net: &PincNet) -> Result<Certificate, String> {
+    let found = certificate(net).ok_or_else(|| {
+        "the net has no certificate; training.proven_tolerance makes one".to_owned()
+    })?;
+    let domain: BTreeMap<String, [f64; 2]> =
+        variables(net).into_iter().zip(ends(net.domain())).collect();
+    for (what, same) in [
+        ("net", found.net == hash_of(net)),
+        ("equation", equation(experiment, net).as_ref() == Some(&found.equation)),
+        ("domain", found.domain == domain),
+    ] {
+        if !same {
+            return Err(format!("the certificate is of another {what}"));
+        }
+    }
+    Ok(found)
+}
+
+/// The error of a step of `net`, by state in its unit, that `net_error = "proven"` takes from its
+/// certificate; none where the config does not ask for it.
+///
+/// # Errors
+///
+/// [`RunError`] if the net has no such certificate.
+pub(crate) fn limits(
+    experiment: &Experiment,
+    net: Option<&PincNet>,
+) -> Result<Option<Vec<f64>>, RunError> {
+    let uncertainty = experiment.control.as_ref().and_then(|control| control.uncertainty.as_ref());
+    let (Some(net), Some(NetErrorSpec::Proven)) = (net, uncertainty.map(|of| of.net_error)) else {
+        return Ok(None);
+    };
+    let found = matching(experiment, net).map_err(|reason| {
+        let problem = format!("control.uncertainty.net_error = \"proven\": {reason}");
+        RunError::usage(&experiment.name, problem)
+    })?;
+    let bound = |state: &String| found.proven.get(state).copied().unwrap_or(f64::INFINITY);
+    Ok(Some(net.state_names().iter().map(bound).collect()))
 }

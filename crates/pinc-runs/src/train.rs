@@ -90,12 +90,15 @@ pub(crate) fn stage(
         outcome => (outcome, None),
     };
     let net = session.trainer.net();
+    let net = match &certificate {
+        Some(certificate) => proof::certified(net, certificate),
+        None => net,
+    };
     let parameters = inputs.estimates(&session.trainer);
     // The net first: it is what the time was spent on. The net of an interrupted training is in the
     // checkpoint; of one that failed, the last good net is kept.
     if !matches!(outcome, Err(RunError::Interrupted { .. })) {
-        let bytes = certificate.map_or_else(|| net.to_bytes(), |of| proof::certified(&net, &of));
-        run_dir.write(file::MODEL, &bytes)?;
+        run_dir.write(file::MODEL, &net.to_bytes())?;
     }
     session.write_log(run_dir)?;
     let metrics = TrainingMetrics { parameters, ..session.metrics(outcome?) };

@@ -84,12 +84,12 @@ fn sources(spec: &UncertaintySpec, control: &ControlSpec, variables: &Variables)
     if spec.estimate && control.estimator.is_none() {
         return value(&key("estimate"), true, "[control.estimator], which has a covariance");
     }
-    if spec.net_error && !control.models.contains(&ModelKind::Pinc) {
-        return value(&key("net_error"), true, "\"pinc\" among control.models");
+    if !spec.net_error.is_none() && !control.models.contains(&ModelKind::Pinc) {
+        return value(&key("net_error"), "the error of a net", "\"pinc\" among control.models");
     }
     let nothing = spec.process_sd.is_empty() && spec.boxes.is_empty() && spec.parameters.is_empty();
-    if nothing && !spec.estimate && !spec.net_error {
-        let expected = "one of process_sd, boxes, parameters, estimate = true, net_error = true";
+    if nothing && !spec.estimate && spec.net_error.is_none() {
+        let expected = "one of process_sd, boxes, parameters, estimate = true, net_error";
         return value(SECTION, "nothing uncertain", expected);
     }
     Ok(())

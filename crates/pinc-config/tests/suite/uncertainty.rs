@@ -93,6 +93,8 @@ fn what_makes_no_tube_is_refused_by_name() {
         (vec![of("boxes={ v = -0.1 }")], "`control.uncertainty.boxes.v`"),
         (vec![of("boxes={}")], "nothing uncertain given"),
         (vec![of("net_error=true")], "expected \"pinc\" among control.models"),
+        (vec![of("net_error=\"proven\"")], "expected \"pinc\" among control.models"),
+        (vec![of("net_error=\"bounded\"")], "expected true, false or \"proven\""),
         (vec![of("parameters={ c = [0.0, 1.0] }")], "`c` is not known"),
         (vec![of("parameters={ a = [2.0, 1.0] }")], "the lower one first"),
         (vec![of("feedback=[[1.0]]")], "1 values given, expected 2"),

@@ -1,11 +1,9 @@
 //! The certificate in a model file, checked.
 
-use super::{ends, hash, variables};
 use crate::invocation::cores;
-use crate::proof::{Attempt, Certificate, attempt, certificate, equation, tolerances};
+use crate::proof::{Attempt, Certificate, attempt, matching, tolerances};
 use crate::{Options, RunError, read_matching_model};
 use pinc_config::Experiment;
-use std::collections::BTreeMap;
 use std::path::Path;
 
 /// Boxes that are cut elsewhere, since roundings differ, change bounds by less.
@@ -26,21 +24,8 @@ pub fn verify_certificate(
         let problem = format!("certify --verify: {}: {reason}", model.display());
         RunError::usage(&experiment.name, problem)
     };
-    let (bytes, net) = read_matching_model(experiment, model)?;
-    let found = certificate(&bytes).ok_or_else(|| {
-        refused("the model file has no certificate; training.proven_tolerance makes one".to_owned())
-    })?;
-    let ends = ends(net.domain());
-    let domain: BTreeMap<String, [f64; 2]> = variables(&net).into_iter().zip(ends).collect();
-    for (what, same) in [
-        ("net", found.net == hash(&net.to_bytes())),
-        ("equation", equation(experiment, &net).as_ref() == Some(&found.equation)),
-        ("domain", found.domain == domain),
-    ] {
-        if !same {
-            return Err(refused(format!("the certificate is of another {what}")));
-        }
-    }
+    let (_, net) = read_matching_model(experiment, model)?;
+    let found = matching(experiment, &net).map_err(&refused)?;
     let check = || match options.interrupt.load(std::sync::atomic::Ordering::Relaxed) {
         true => Err(refused("interrupted".to_owned())),
         false => Ok(()),

@@ -254,11 +254,26 @@ fn a_proven_net_carries_its_certificate() {
     assert_eq!(checked.code, Some(0), "{checked:?}");
     assert!(checked.stdout.contains("one step is off by at most x1 "), "{checked:?}");
     let bytes = fs::read(dir.path().join(model)).unwrap();
-    let certificate = pinc_runs::certificate(&bytes).unwrap();
+    let net = pinc_net::PincNet::from_bytes(&bytes).unwrap();
+    let certificate = pinc_runs::certificate(&net).unwrap();
     for state in ["x1", "x2"] {
         assert!(certificate.proven[state] <= 0.06, "{certificate:?}");
     }
     assert_eq!(certificate.domain["u"].map(f64::to_bits), [-1.0_f64, 1.0].map(f64::to_bits));
+    // A tube takes its bounds: the inputs are those of the same numbers as boxes.
+    let control = |out: &str, model: &str, uncertainty: &str| {
+        let fixed = ["control", "experiment.toml", "--only", "pinc", "--quiet", "--model", model];
+        let set = format!("control.uncertainty={{ probability = \"worst-case\", {uncertainty} }}");
+        let high = "control.state_high=[0.4, 2.0]";
+        let more = ["--out", out, "--set", &set, "--set", high];
+        let done = outcome(pinc(&[&fixed[..], &more].concat()).current_dir(dir.path()));
+        (done, fs::read_to_string(dir.path().join(out).join("control.csv")).ok())
+    };
+    let proven = "net_error = \"proven\"";
+    let [x1, x2] = ["x1", "x2"].map(|state| certificate.proven[state]);
+    let as_boxes = control("boxes", model, &format!("boxes = {{ x1 = {x1}, x2 = {x2} }}")).1;
+    assert_eq!(control("proven", model, proven).1, as_boxes);
+    assert_ne!(control("tiny", model, "boxes = { x1 = 1e-9 }").1, as_boxes);
     // What is generated from it says so.
     let export = ["export", "--model", model, "--to", "c", "--out", "c"];
     assert_eq!(outcome(pinc(&export).current_dir(dir.path())).code, Some(0));
@@ -269,6 +284,9 @@ fn a_proven_net_carries_its_certificate() {
     let last = changed.len() - 5;
     changed[last] ^= 1;
     fs::write(dir.path().join("changed.safetensors"), changed).unwrap();
+    control("changed", "changed.safetensors", proven)
+        .0
+        .assert_refused(&["control.uncertainty.net_error", "another net"]);
     verify("changed.safetensors", &["--quiet"])
         .assert_refused(&["changed.safetensors", "another net"]);
     verify(model, &["--quiet", "--set", "plant.van-der-pol.mu=1.01"])
