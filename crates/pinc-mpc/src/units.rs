@@ -207,32 +207,34 @@ impl Units {
     /// Scales the model's linearization and the rows in `qp`.
     #[inline(never)]
     pub(crate) fn scale_constraints(&self, qp: &mut Qp) {
-        let nx = self.dims.nx;
         scale_matrices(&mut qp.a, &self.x, &self.x);
         scale_matrices(&mut qp.b, &self.x, &self.u);
-        qp.c.iter_mut().enumerate().for_each(|(i, c)| *c /= self.x[i % nx]);
+        divide_blocks(&mut qp.c, &self.x);
         if !self.rows.is_empty() {
             scale_matrices(&mut qp.rows_x, &self.rows, &self.x);
             scale_matrices(&mut qp.rows_u, &self.rows, &self.u);
-            let rows = self.rows.len();
-            for side in [&mut qp.rows.low, &mut qp.rows.high] {
-                side.iter_mut().enumerate().for_each(|(i, v)| *v /= self.rows[i % rows]);
-            }
+            divide_blocks(&mut qp.rows.low, &self.rows);
+            divide_blocks(&mut qp.rows.high, &self.rows);
         }
     }
 
     /// Scales limits, gradient and what changes of the Hessian in `qp`; gives the cost.
     #[inline(never)]
     pub(crate) fn scale_cost(&self, qp: &mut Qp, cost: f64) -> f64 {
-        let m = self.u.len();
-        for v in 0..qp.gradient.len() {
-            let unit = self.unknown(v);
-            qp.bounds.low[v] /= unit;
-            qp.bounds.high[v] /= unit;
-            qp.gradient[v] *= unit / self.cost;
+        let states = self.dims.all_states();
+        for side in [&mut qp.bounds.low, &mut qp.bounds.high] {
+            let (x, u) = side.split_at_mut(states);
+            divide_blocks(x, &self.x);
+            divide_blocks(u, &self.u);
+        }
+        let (by_x, by_u) = qp.gradient.split_at_mut(states);
+        for (gradient, units) in [(by_x, &self.x), (by_u, &self.u)] {
+            for block in gradient.chunks_exact_mut(units.len()) {
+                block.iter_mut().zip(units).for_each(|(g, unit)| *g *= unit / self.cost);
+            }
         }
         for side in [&mut qp.increments.low, &mut qp.increments.high] {
-            side.iter_mut().enumerate().for_each(|(i, v)| *v /= self.u[i % m]);
+            divide_blocks(side, &self.u);
         }
         if qp.has_stage_cost() {
             self.scale_weights(&mut qp.q, &self.x, &self.x);
@@ -312,9 +314,15 @@ fn row_sizes(problem: &NmpcProblem, sizes: [&[f64]; 2]) -> Vec<f64> {
 
 /// Blocks of matrices M become `rows^-1 M columns`.
 fn scale_matrices(blocks: &mut [f64], rows: &[f64], columns: &[f64]) {
-    for (at, entry) in blocks.iter_mut().enumerate() {
-        let (row, column) = (at / columns.len() % rows.len(), at % columns.len());
-        *entry *= columns[column] / rows[row];
+    for (row, unit) in blocks.chunks_exact_mut(columns.len()).zip(rows.iter().cycle()) {
+        row.iter_mut().zip(columns).for_each(|(entry, column)| *entry *= column / unit);
+    }
+}
+
+/// Blocks of numbers in the plant's units become numbers in these units.
+fn divide_blocks(blocks: &mut [f64], units: &[f64]) {
+    for block in blocks.chunks_exact_mut(units.len()) {
+        block.iter_mut().zip(units).for_each(|(value, unit)| *value /= unit);
     }
 }
 

@@ -58,7 +58,7 @@ use clarabel::ClarabelQp;
 use condense::CondensedQp;
 use riccati::RiccatiQp;
 
-use algebra::{add_transposed, block, block_mut};
+use algebra::{add_scaled, add_transposed, block, block_mut};
 use std::fmt::Debug;
 use std::ops::Range;
 
@@ -409,10 +409,10 @@ impl Qp {
         let (states, inputs) = gradient.split_at_mut(dims.all_states());
         let sums = [&mut *states, &mut *inputs];
         sized!(dims, |n, m| self.add_dynamics(&multipliers.dynamics, sums, n, m));
-        for (v, nu) in multipliers.increments.iter().enumerate() {
-            inputs[v] += nu;
-            if let Some(before) = dims.entry_before(v) {
-                inputs[before] -= nu;
+        for (i, nu) in multipliers.increments.chunks_exact(dims.nu).enumerate() {
+            add_scaled(block_mut(inputs, i, dims.nu), 1.0, nu);
+            if let Some(before) = dims.input_before(i) {
+                add_scaled(block_mut(inputs, before, dims.nu), -1.0, nu);
             }
         }
         for j in dims.stages_with_rows() {

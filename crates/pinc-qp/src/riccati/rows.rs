@@ -2,7 +2,7 @@
 
 use crate::Multipliers;
 use crate::OcpDims;
-use crate::algebra::{add_scaled, dot};
+use crate::algebra::{add_scaled, block, block_mut, dot};
 use crate::{Kind, Qp, Row, RowBlock};
 
 /// The values C d of all rows that may have limits: the unknowns, the increments of the inputs, and
@@ -42,8 +42,10 @@ impl Rows {
                 *increment -= before;
             }
         } else {
-            for (v, increment) in increments.iter_mut().enumerate().skip(m) {
-                *increment -= dims.entry_before(v).map_or(0.0, |before| inputs[before]);
+            for (i, increment) in increments.chunks_exact_mut(m).enumerate().skip(1) {
+                if let Some(before) = dims.input_before(i) {
+                    add_scaled(increment, -1.0, block(inputs, before, m));
+                }
             }
         }
         for j in dims.stages_with_rows() {
@@ -80,8 +82,10 @@ impl Rows {
                 *sum -= factor;
             }
         } else {
-            for (v, factor) in increments.iter().enumerate().skip(m) {
-                dims.entry_before(v).into_iter().for_each(|before| inputs[before] -= factor);
+            for (i, increment) in increments.chunks_exact(m).enumerate().skip(1) {
+                if let Some(before) = dims.input_before(i) {
+                    add_scaled(block_mut(inputs, before, m), -1.0, increment);
+                }
             }
         }
         for j in dims.stages_with_rows() {
