@@ -62,6 +62,12 @@ impl Spread {
     pub fn count(&self) -> usize {
         self.values.len()
     }
+
+    /// How many of them are not 0.
+    #[must_use]
+    pub fn nonzero(&self) -> usize {
+        self.values.iter().filter(|value| **value != 0.0).count()
+    }
 }
 
 /// More throws than this, and the probability of none is too small for a number.

@@ -46,6 +46,8 @@ pub(crate) struct Spread {
     pub(crate) median: f64,
     pub(crate) q3: f64,
     pub(crate) max: f64,
+    /// How many values there are, and how many are not 0.
+    pub(crate) counts: [usize; 2],
 }
 
 impl Trials {
@@ -147,7 +149,8 @@ impl Trials {
         let spread = pinc_record::Spread::of(self.values(cell, metric))?;
         let [min, q1, median, q3, max] =
             [0.0, 0.25, 0.5, 0.75, 1.0].map(|part| spread.quantile(part));
-        Some(Spread { min, q1, median, q3, max })
+        let counts = [spread.count(), spread.nonzero()];
+        Some(Spread { min, q1, median, q3, max, counts })
     }
 
     /// What a cell is called: its alternatives, and its places on the axes.

@@ -11,12 +11,13 @@ use std::collections::HashMap;
 use std::path::Path;
 
 /// The columns after those that tell the cells apart.
-const COLUMNS: [&str; 13] = [
+const COLUMNS: [&str; 14] = [
     "metric",
     "trials",
     "failed",
     "pending",
     "values",
+    "nonzero",
     "min",
     "q1",
     "median",
@@ -52,6 +53,8 @@ pub struct SummaryRow {
     pub pending: usize,
     /// How many finite values there are.
     pub values: usize,
+    /// How many of these are not 0, as those of loops that broke a bound.
+    pub nonzero: usize,
     /// The least value.
     pub min: f64,
     /// The lower quartile.
@@ -95,7 +98,8 @@ impl SummaryTable {
         let fixed = COLUMNS.map(str::to_owned);
         let mut table = CsvText::new(self.cell_columns.iter().chain(&fixed));
         for row in &self.rows {
-            let counts = [row.trials, row.failed, row.pending, row.values].map(|n| n.to_string());
+            let counts = [row.trials, row.failed, row.pending, row.values, row.nonzero];
+            let counts = counts.map(|count| count.to_string());
             let quantiles = [row.min, row.q1, row.median, row.q3, row.max];
             let interval = [row.median_low, row.median_high, row.confidence];
             let numbers = quantiles.into_iter().chain(interval).map(number);
@@ -129,14 +133,15 @@ impl SummaryTable {
                 failed: count(2)?,
                 pending: count(3)?,
                 values: count(4)?,
-                min: value(5)?,
-                q1: value(6)?,
-                median: value(7)?,
-                q3: value(8)?,
-                max: value(9)?,
-                median_low: value(10)?,
-                median_high: value(11)?,
-                confidence: value(12)?,
+                nonzero: count(5)?,
+                min: value(6)?,
+                q1: value(7)?,
+                median: value(8)?,
+                q3: value(9)?,
+                max: value(10)?,
+                median_low: value(11)?,
+                median_high: value(12)?,
+                confidence: value(13)?,
             })
         };
         let rows = rows.iter().map(row).collect::<Result<_, RecordError>>()?;
@@ -186,6 +191,7 @@ fn row(cell: &[String], metric: TrialMetric, group: &[Option<&Finished>]) -> Opt
         failed: over.filter(|finished| finished.ending != Ending::Done).count(),
         pending: group.iter().filter(|finished| finished.is_none()).count(),
         values: spread.count(),
+        nonzero: spread.nonzero(),
         min: spread.quantile(0.0),
         q1: spread.quantile(0.25),
         median: spread.quantile(0.5),
@@ -216,6 +222,7 @@ mod tests {
             failed: 1,
             pending: 1,
             values: 3,
+            nonzero: 2,
             min: 0.1 + 0.2,
             q1: 1e-5,
             median: 1e-300,

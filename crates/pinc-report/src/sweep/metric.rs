@@ -38,9 +38,9 @@ impl Metric {
         cell: &Cell,
         column: TrialMetric,
     ) -> Option<Spread> {
-        let Spread { min, q1, median, q3, max } = trials.spread(cell, column)?;
+        let Spread { min, q1, median, q3, max, counts } = trials.spread(cell, column)?;
         let [min, q1, median, q3, max] = [min, q1, median, q3, max].map(|v| self.factor * v);
-        Some(Spread { min, q1, median, q3, max })
+        Some(Spread { min, q1, median, q3, max, counts })
     }
 
     /// The spreads of a column in all cells that have numbers.

@@ -127,10 +127,19 @@ fn tables_of_spreads(trials: &Trials, metric: &Metric) -> Vec<NumberTable> {
     let digits = metric.digits(trials);
     let table = |(column, model): &(TrialMetric, &'static str)| {
         let mut heads = places(trials);
-        heads.extend(["median", "quartiles", "extremes", "done", "failed"].map(str::to_owned));
-        let rows = trials.cells().iter().map(|cell| {
+        heads.extend(["median", "quartiles", "extremes"].map(str::to_owned));
+        let spreads: Vec<Option<Spread>> =
+            trials.cells().iter().map(|cell| metric.spread(trials, cell, *column)).collect();
+        // Where the metric is 0 for some trials alone, as a violation is, their number matters.
+        let has_zeros = |spread: &Spread| spread.counts[1] < spread.counts[0];
+        let zeros = spreads.iter().flatten().any(has_zeros);
+        heads.extend(zeros.then(|| "not 0".to_owned()));
+        heads.extend(["done", "failed"].map(str::to_owned));
+        let rows = trials.cells().iter().zip(&spreads).map(|(cell, spread)| {
             let mut row = place(cell);
-            row.extend(spread_cells(metric.spread(trials, cell, *column).as_ref(), digits));
+            row.extend(spread_cells(spread.as_ref(), digits));
+            let nonzero = spread.map_or_else(|| MISSING.to_owned(), |s| text::count(s.counts[1]));
+            row.extend(zeros.then_some(nonzero));
             row.extend([cell.done(), cell.failed.len()].map(text::count));
             row
         });
