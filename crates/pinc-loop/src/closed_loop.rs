@@ -515,6 +515,12 @@ impl Control<'_, '_> {
         self.run.seen()
     }
 
+    /// Where the plan expects the states: see [`Nmpc::expected`].
+    #[must_use]
+    pub fn expected(&self) -> Option<Vec<[Vec<f64>; 2]>> {
+        self.run.nmpc.expected()
+    }
+
     /// Returns the record of the controller.
     ///
     /// # Panics

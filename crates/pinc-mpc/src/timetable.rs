@@ -281,6 +281,32 @@ impl Nmpc {
         self.sqp.transcription.tightened(&self.plan().z)
     }
 
+    /// Where the last plan expects the states after each stage, the least and the greatest of each:
+    /// over the branches of [`NmpcProblem::scenarios`], or as far as the tube reaches; `None` without
+    /// either.
+    #[must_use]
+    pub fn expected(&self) -> Option<Vec<[Vec<f64>; 2]>> {
+        let dims = self.sqp.dims();
+        let reach = self.tightened().map(|of| &of.back_offs.states[..]);
+        if dims.tree.is_chain() && reach.is_none() {
+            return None;
+        }
+        let mut stages: Vec<[Vec<f64>; 2]> = Vec::new();
+        for (node, x) in (1..).zip(self.plan().states().chunks_exact(dims.nx)) {
+            let depth = dims.tree.depth(node);
+            if stages.len() < depth {
+                let none = |value: f64| vec![value; dims.nx];
+                stages.push([none(f64::INFINITY), none(f64::NEG_INFINITY)]);
+            }
+            let [low, high] = &mut stages[depth - 1];
+            for (i, x) in x.iter().enumerate() {
+                let reach = reach.map_or(0.0, |reach| reach[(node - 1) * dims.nx + i]);
+                (low[i], high[i]) = (low[i].min(x - reach), high[i].max(x + reach));
+            }
+        }
+        Some(stages)
+    }
+
     /// Tells the tube, if there is one, how uncertain the state of the next step is: its covariance,
     /// `[n, n]`.
     pub fn set_covariance(&mut self, covariance: &[f64]) {

@@ -69,6 +69,12 @@ pub mod file {
         of_model("steps", model, models)
     }
 
+    /// What plans of the closed loop with one of `models` models expected.
+    #[must_use]
+    pub fn plans(model: ModelKind, models: usize) -> String {
+        of_model("plans", model, models)
+    }
+
     /// The estimates in the closed loop with one of `models` models.
     #[must_use]
     pub fn estimates(model: ModelKind, models: usize) -> String {
@@ -87,7 +93,7 @@ pub mod file {
     pub(crate) fn of_loops() -> impl Iterator<Item = String> {
         let models = ModelKind::ALL.into_iter().flat_map(|model| [(model, 1), (model, 2)]);
         let loops = models.flat_map(|(model, count)| {
-            [control(model, count), steps(model, count), estimates(model, count)]
+            [control, steps, plans, estimates].map(|name| name(model, count))
         });
         loops.chain([MODEL_ERROR.to_owned()])
     }

@@ -61,8 +61,8 @@ pub use spread::Spread;
 pub use sweep_dir::{Claim, Ending, Finished, SweepDir, WorkerNote};
 pub use tables::{
     ControlColumns, ControlReader, ControlRow, ControlWriter, DomainErrorTable, EstimateRow,
-    EstimateTable, FixedReader, FixedWriter, ModelErrorRow, ModelErrorTable, PredictionRow,
-    PredictionTable, ResidualRow, ResidualTable, StepRow, SummaryRow, SummaryTable, TrainingRow,
+    EstimateTable, FixedReader, FixedWriter, Pair, PairRow, PredictionRow, PredictionTable,
+    ResidualRow, ResidualTable, StatePairs, StepRow, SummaryRow, SummaryTable, TrainingRow,
     TrialColumn, TrialMetric, TrialStatus, TrialTable, UnknownMetric, fixed_table,
     read_fixed_table,
 };

@@ -393,7 +393,9 @@
     }
     const owner = owners(panel.series);
     const tables = panel.series.map((of) => [xs[of.x], floats(of.y)]);
-    const data = tables.length ? uPlot.join(tables) : [panel.x.range, [null, null]];
+    // A gap reaches to the curve's own points, over places that only other curves have.
+    const expand = tables.map((table) => table.map(() => 2));
+    const data = tables.length ? uPlot.join(tables, expand) : [panel.x.range, [null, null]];
     const all = panel.series.length ? panel.series.map(series) : [{ show: false }];
     const spare = () => place.clientWidth || 960, rows = [];
     const options = {

@@ -18,6 +18,8 @@ use pinc_record::ControlRow;
 const LONG: f64 = 60.0;
 /// The form of a reference.
 const REFERENCE: Shape = Shape::Dashes(1.4);
+/// The key of what plans expect.
+const RANGE: &str = "range of plans";
 
 /// The whole closed loop, and parts of it enlarged.
 pub(crate) fn pictures(run: &Run, variables: &Variables) -> Vec<Picture> {
@@ -123,6 +125,9 @@ impl Loops<'_> {
                 points(table, quantity, place)
             });
         }
+        for (name, place) in places() {
+            self.add_range(&mut panel, name, place);
+        }
         for (name, place) in places().rev() {
             self.add_beneath(&mut panel, name, |table| points(table, quantity, place));
         }
@@ -139,6 +144,21 @@ impl Loops<'_> {
             self.add_limits(&mut panel, name, output.unwrap_or(Bounded::State(place)));
         }
         panel
+    }
+
+    /// Adds the ends of what plans with the first model expect of a state.
+    fn add_range(&self, panel: &mut Panel, name: &str, place: usize) {
+        let Some(plans) = self.run.plans.first() else { return };
+        let style = Style::new(state_color(place), Shape::Line(0.9)).faint(0.75);
+        for (which, end) in ["low", "high"].into_iter().enumerate() {
+            let rows = plans.table.rows.iter();
+            let points = rows.filter_map(|row| Some((row.t, *row.values[which].get(place)?)));
+            let points: Vec<Point> = points.collect();
+            if points.is_empty() {
+                return;
+            }
+            panel.add_beneath(RANGE, &format!("{name}_{end} of plans"), points, style);
+        }
     }
 
     fn add_references(&self, panel: &mut Panel, states: &[String]) {
@@ -285,11 +305,18 @@ impl Loops<'_> {
         let mut caption = "The plant, integrated accurately, under the controller. Dashed: the \
                            references, in the colours of what follows them; grey: the bounds."
             .to_owned();
-        let scenarios = |control: &ControlSpec| control.scenarios.as_ref()?.branches();
-        if let Some(branches) = self.run.experiment.control.as_ref().and_then(scenarios) {
+        if let Some(plans) = self.run.plans.first() {
+            let scenarios = |control: &ControlSpec| control.scenarios.as_ref()?.branches();
+            let over = match self.run.experiment.control.as_ref().and_then(scenarios) {
+                Some(branches) => {
+                    format!("over the {branches} combinations of [control.scenarios]")
+                }
+                None => "by [control.uncertainty]".to_owned(),
+            };
             caption += &format!(
-                " Drawn is the plant alone: the plans, which hold the bounds for all {branches} \
-                combinations of [control.scenarios], are not kept."
+                " Faint and thin: the least and the greatest value of each state that plans expect \
+                {over}, drawn for plans that do not overlap (from {}).",
+                plans.file
             );
         }
         if let [first, second, ..] = self.traces {

@@ -8,7 +8,7 @@ use pinc_config::{Experiment, ModelKind, TimeUnit};
 use pinc_record::metric::{Metric, Unit};
 use pinc_record::{
     ControlReader, DomainErrorTable, EstimateTable, FixedReader, IdentificationMetrics, Metrics,
-    ModelErrorTable, PredictionTable, Provenance, RecordError, ResidualTable, TrainingRow, file,
+    Pair, PredictionTable, Provenance, RecordError, ResidualTable, StatePairs, TrainingRow, file,
     read_fixed_table, read_text,
 };
 use std::io::ErrorKind;
@@ -29,10 +29,12 @@ pub(crate) struct Run {
     /// The errors of the net over its domain.
     pub(crate) domain_error: Option<DomainErrorTable>,
     /// The errors of the net along the closed loop; times are in the report's unit.
-    pub(crate) model_error: Option<ModelErrorTable>,
+    pub(crate) model_error: Option<StatePairs>,
     /// Times are in the report's unit.
     pub(crate) prediction: Option<PredictionTable>,
     pub(crate) control: Traces,
+    /// Where plans of the closed loops expected the states; times are in the report's unit.
+    pub(crate) plans: Vec<OfModel<StatePairs>>,
     pub(crate) steps: Vec<OfModel<Steps>>,
     pub(crate) estimates: Vec<OfModel<EstimateTable>>,
     /// What was identified, and the data beside the fit.
@@ -78,8 +80,12 @@ impl Run {
         let mut prediction = PredictionTable::read(&dir.join(file::PREDICTION))?;
         let rows = prediction.iter_mut().flat_map(|table| &mut table.rows);
         rows.for_each(|row| row.t *= second);
-        let mut model_error = ModelErrorTable::read(&dir.join(file::MODEL_ERROR))?;
+        let mut model_error = StatePairs::read(&dir.join(file::MODEL_ERROR), Pair::Errors)?;
         let rows = model_error.iter_mut().flat_map(|table| &mut table.rows);
+        rows.for_each(|row| row.t *= second);
+        let read = |path: &Path| StatePairs::read(path, Pair::Range);
+        let mut plans = read_models(dir, file::plans, only, read)?;
+        let rows = plans.iter_mut().flat_map(|of: &mut OfModel<StatePairs>| &mut of.table.rows);
         rows.for_each(|row| row.t *= second);
         let mut estimates = read_models(dir, file::estimates, only, EstimateTable::read)?;
         let rows =
@@ -97,6 +103,7 @@ impl Run {
             model_error,
             prediction,
             control,
+            plans,
             steps: read_models(dir, file::steps, only, |path| {
                 FixedReader::open(path)?.map(Steps::read).transpose()
             })?,

@@ -6,17 +6,17 @@ use crate::picture::Picture;
 use crate::variables::Variables;
 use pinc_chart::{Axis, Figure, INK, Kind, Panel, Shape, Style, extent, present, state_color};
 use pinc_config::OnError;
-use pinc_record::{ModelErrorRow, file};
+use pinc_record::{PairRow, file};
 
 /// The errors of each state, if the net was judged.
 pub(crate) fn picture(run: &Run, variables: &Variables) -> Option<Picture> {
     let table = run.model_error.as_ref().filter(|table| !table.rows.is_empty())?;
     let mut kept = Decimation::new();
     for row in &table.rows {
-        let sizes = row.truth.iter().chain(&row.estimate).map(|error| error.abs());
+        let sizes = row.values.iter().flatten().map(|error| error.abs());
         kept.push(row, sizes.collect());
     }
-    let rows: Vec<&ModelErrorRow> = kept.into_rows().collect();
+    let rows: Vec<&PairRow> = kept.into_rows().collect();
     let shown = variables.shown(&table.states);
     let panel = |state: &String| {
         let place = table.states.iter().position(|name| name == state).unwrap_or(0);
@@ -32,15 +32,15 @@ pub(crate) fn picture(run: &Run, variables: &Variables) -> Option<Picture> {
     })
 }
 
-fn panel(run: &Run, rows: &[&ModelErrorRow], (state, place): (&String, usize)) -> Panel {
+fn panel(run: &Run, rows: &[&PairRow], (state, place): (&String, usize)) -> Panel {
     let label = run.label_in_unit_of(&format!("|error of {state}|"), std::slice::from_ref(state));
     let mut panel = Panel::new(state, Axis::new(&label, Kind::Log), 130.0);
-    let points = |errors: fn(&ModelErrorRow) -> &[f64]| {
-        present(rows.iter().map(|row| (row.t, errors(row)[place].abs())).collect())
+    let points = |which: usize| {
+        present(rows.iter().map(|row| (row.t, row.values[which][place].abs())).collect())
     };
-    panel.add_named("true", points(|row| &row.truth), Style::new(INK, Shape::Line(1.2)));
+    panel.add_named("true", points(1), Style::new(INK, Shape::Line(1.2)));
     let dots = Style::new(state_color(place), Shape::Dots(2.4));
-    panel.add_named("estimated", points(|row| &row.estimate), dots);
+    panel.add_named("estimated", points(0), dots);
     let control = run.experiment.control.as_ref();
     if let Some(tolerance) = control.and_then(|control| control.error_tolerance.get(state)) {
         panel.add_limits("tolerance", &[*tolerance]);

@@ -99,7 +99,8 @@ pub(crate) fn stage(
     for &kind in setup.kinds {
         let metrics = run_model(plant, setup, kind, options, run_dir)?;
         let models = setup.kinds.len();
-        run_dir.note(&[&file::control(kind, models), &file::steps(kind, models)]);
+        let files = [file::control, file::steps, file::plans].map(|name| name(kind, models));
+        run_dir.note(&files.each_ref().map(String::as_str));
         if metrics.estimator.is_some() {
             run_dir.note(&[&file::estimates(kind, models)]);
         }
@@ -150,7 +151,8 @@ fn run_model(
             continue;
         }
         let trace_file = run_dir.path(&file::control(kind, setup.kinds.len()));
-        let files = run_dir.keeps_traces().then_some((&*trace_file, &*steps_file));
+        let plans_file = run_dir.path(&file::plans(kind, setup.kinds.len()));
+        let files = run_dir.keeps_traces().then_some([&*trace_file, &*steps_file, &*plans_file]);
         let mut recording = Recording::begin(files, setup.columns())?;
         let watched = setup.watched(&mut guard);
         let outcome =
@@ -395,6 +397,8 @@ impl LoopSetup<'_> {
             },
             outputs: variables.own_outputs().iter().map(|(place, _)| *place).collect(),
             widths: self.spec.input_widths(),
+            step_s: self.sample_time_s,
+            delay: self.spec.delay_steps,
         }
     }
 

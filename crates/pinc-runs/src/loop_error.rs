@@ -4,7 +4,7 @@ use crate::RunError;
 use crate::control::LoopSetup;
 use pinc_net::{PincModel, PincNet};
 use pinc_ode::{DynPlant, Model, Simulator};
-use pinc_record::{ControlReader, ControlRow, ModelErrorRow, ModelErrorTable, RunDir, file};
+use pinc_record::{ControlReader, ControlRow, Pair, PairRow, RunDir, StatePairs, file};
 use pinc_verify::ErrorEstimate;
 use std::path::Path;
 
@@ -53,7 +53,7 @@ pub(crate) fn write(
         rows.push(judge.look(&row, setup.sample_time_s));
         step += 1;
     }
-    let table = ModelErrorTable { states: net.state_names().to_vec(), rows };
+    let table = StatePairs { of: Pair::Errors, states: net.state_names().to_vec(), rows };
     Ok(run_dir.write(file::MODEL_ERROR, table.to_csv().as_bytes())?)
 }
 
@@ -65,7 +65,7 @@ struct Judge {
 }
 
 impl Judge {
-    fn look(&mut self, row: &ControlRow, step_s: f64) -> ModelErrorRow {
+    fn look(&mut self, row: &ControlRow, step_s: f64) -> PairRow {
         let (x, u, p) = (&row.state, &row.input, &self.parameters);
         let (mut estimate, mut next, mut exact) = (x.clone(), x.clone(), x.clone());
         self.estimate.write(x, u, p, &mut estimate);
@@ -73,6 +73,6 @@ impl Judge {
         self.truth.set_parameters(p);
         let solved = self.truth.integrate(&mut exact, u, step_s).is_ok();
         let error = next.iter().zip(&exact).map(|(y, z)| if solved { y - z } else { f64::NAN });
-        ModelErrorRow { t: row.t, estimate, truth: error.collect() }
+        PairRow { t: row.t, values: [estimate, error.collect()] }
     }
 }

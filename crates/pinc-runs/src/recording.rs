@@ -3,11 +3,11 @@
 use crate::RunError;
 use pinc_loop::{ClosedLoop, Control, StepRecord};
 use pinc_record::{
-    ControlColumns, ControlRow, ControlWriter, FixedReader, FixedWriter, RecordError, StepRow,
-    TubeMetrics,
+    ControlColumns, ControlRow, ControlWriter, FixedReader, FixedWriter, Pair, PairRow,
+    RecordError, StatePairs, StepRow, TubeMetrics, write_atomically,
 };
 use std::collections::BTreeMap;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 /// The columns of a trace.
 pub(super) struct TraceColumns {
@@ -16,6 +16,9 @@ pub(super) struct TraceColumns {
     pub(super) outputs: Vec<usize>,
     /// The widths of the inputs' bounds.
     pub(super) widths: Vec<f64>,
+    /// Length of a step in s, and how many steps after the measurement a plan begins.
+    pub(super) step_s: f64,
+    pub(super) delay: usize,
 }
 
 /// Totals over the steps of a controller.
@@ -79,19 +82,61 @@ pub(super) struct Recording {
     widths: Vec<f64>,
     totals: Totals,
     step: usize,
+    plans: Option<Plans>,
+}
+
+/// What plans expect that do not overlap, with a row without numbers after each.
+struct Plans {
+    path: PathBuf,
+    table: StatePairs,
+    step_s: f64,
+    delay: usize,
+    /// The step at which the next one begins.
+    next: usize,
+}
+
+impl Plans {
+    fn see(&mut self, control: &Control<'_, '_>, step: usize) {
+        let Some(stages) = control.expected().filter(|_| step == self.next) else { return };
+        self.next += stages.len() + 2;
+        let unknown = vec![f64::NAN; control.seen().len()];
+        let first = if self.delay == 0 { control.seen().to_vec() } else { unknown.clone() };
+        let both = |values: Vec<f64>| [[values.clone(), values]];
+        let rows = both(first).into_iter().chain(stages).chain(both(unknown));
+        for (j, values) in rows.enumerate() {
+            #[expect(clippy::cast_precision_loss, reason = "no run has 2^53 steps")]
+            let t = (step + self.delay + j) as f64 * self.step_s;
+            self.table.rows.push(PairRow { t, values });
+        }
+    }
+
+    /// Writes the file if there are any.
+    fn finish(self) -> Result<(), RecordError> {
+        match self.table.rows.is_empty() {
+            true => Ok(()),
+            false => write_atomically(&self.path, self.table.to_csv().as_bytes()),
+        }
+    }
 }
 
 impl Recording {
-    /// Begins the two files, of the trace and of the steps.
+    /// Begins the files of the trace, of the steps and of the plans.
     pub(super) fn begin(
-        files: Option<(&Path, &Path)>,
-        TraceColumns { columns, outputs, widths }: TraceColumns,
+        files: Option<[&Path; 3]>,
+        TraceColumns { columns, outputs, widths, step_s, delay }: TraceColumns,
     ) -> Result<Self, RunError> {
-        let trace = files.map(|(trace, _)| ControlWriter::create(trace, &columns));
-        let steps = files.map(|(_, steps)| FixedWriter::create(steps));
+        let trace = files.map(|[trace, ..]| ControlWriter::create(trace, &columns));
+        let steps = files.map(|[_, steps, _]| FixedWriter::create(steps));
+        let plans = files.map(|[.., path]| Plans {
+            path: path.to_owned(),
+            table: StatePairs { of: Pair::Range, states: columns.states.clone(), rows: Vec::new() },
+            step_s,
+            delay,
+            next: 0,
+        });
         let totals = Totals::default();
         let (trace, steps) = (trace.transpose()?, steps.transpose()?);
-        Ok(Self { trace, steps, outputs, widths, totals, step: 0 })
+        Ok(Self { trace, steps, outputs, widths, totals, step: 0, plans })
     }
 
     /// Adds what the controller did, in how many us.
@@ -116,6 +161,9 @@ impl Recording {
                 violated: step.violated.map_or(String::new(), |constraint| constraint.to_string()),
             })?;
         }
+        if let Some(plans) = &mut self.plans {
+            plans.see(control, self.step);
+        }
         self.step += 1;
         Ok(())
     }
@@ -135,6 +183,7 @@ impl Recording {
         }
         self.trace.map(ControlWriter::finish).transpose()?;
         self.steps.map(FixedWriter::finish).transpose()?;
+        self.plans.map(Plans::finish).transpose()?;
         Ok(self.totals)
     }
 

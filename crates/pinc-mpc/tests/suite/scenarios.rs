@@ -331,6 +331,28 @@ fn inputs(mut run: Loop) -> (Vec<f64>, usize) {
     (all, qps)
 }
 
+#[test]
+fn a_plan_expects_all_states_of_its_branches() {
+    let branches = Scenarios::grid(vec![0], &[vec![3.33, 3.0, 3.6]], 1);
+    let problem = uncertain_tanks(Some(branches)).problem;
+    let plant = Rk4::new(Uncertain::FourTanks, 10.0, SUBSTEPS);
+    let mut nmpc = Nmpc::new(problem.clone(), Box::new(plant), SqpConfig::default()).unwrap();
+    let reference = [9.2, 14.2].repeat(problem.horizon);
+    nmpc.step(&[9.2, 14.2, 2.5, 2.5], &reference).unwrap();
+    let ranges = nmpc.expected().unwrap();
+    assert_eq!(ranges.len(), problem.horizon);
+    // With one branching stage the nodes of a depth are the three branches.
+    for ([low, high], depth) in ranges.iter().zip(nmpc.plan().states().chunks_exact(3 * 4)) {
+        for i in 0..4 {
+            let values = [depth[i], depth[4 + i], depth[8 + i]];
+            let least = values.into_iter().fold(f64::INFINITY, f64::min);
+            let most = values.into_iter().fold(f64::NEG_INFINITY, f64::max);
+            assert_eq!([low[i], high[i]].map(f64::to_bits), [least, most].map(f64::to_bits));
+        }
+    }
+    assert!(ranges[0][0][0] < ranges[0][1][0]);
+}
+
 /// A plant with the problem of its first case, without scenarios.
 fn first_of(plant: Uncertain) -> (Uncertain, NmpcProblem) {
     let all = cases(SqpConfig::default()).into_iter();

@@ -81,6 +81,15 @@ fn a_step_has_the_bounds_tightened_along_the_shifted_plan_of_the_step_before() {
                 assert!((found - expected).abs() < 1e-9, "{step}, {i}: {found} {expected}");
             }
         }
+        // The plan expects the states within the back-offs.
+        let ranges = nmpc.expected().unwrap();
+        assert_eq!(ranges.len(), N);
+        for (j, [low, high]) in ranges.iter().enumerate() {
+            for i in 0..4 {
+                let (x, by) = (nmpc.plan().states()[4 * j + i], expected.states[4 * j + i]);
+                assert!((low[i] - x + by).abs() < 1e-9 && (high[i] - x - by).abs() < 1e-9);
+            }
+        }
         // The first level is to go beyond its bound, and stops where the bound has moved to.
         let levels = nmpc.plan().states().chunks_exact(4).enumerate();
         let least = levels.map(|(j, level)| 9.0 - expected.states[4 * j] - level[0]);
@@ -116,7 +125,7 @@ fn where_nothing_is_left_no_plan_fits() {
     assert!(!nmpc.tightened().unwrap().fits);
     let mut plain = Nmpc::new(problem(), Box::new(model()), SqpConfig::default()).unwrap();
     plain.step(&START, &[9.2, 14.2].repeat(N)).unwrap();
-    assert!(plain.tightened().is_none());
+    assert!(plain.tightened().is_none() && plain.expected().is_none());
 }
 
 #[test]

@@ -1,6 +1,7 @@
 //! The error over the domain, failed steps, states of different size, and the unit of time.
 
 use super::{CONFIG, METRICS, assert_sound, build, stems, svg, whole, write};
+use crate::testing::Plot;
 use std::fmt::Write as _;
 use tempfile::TempDir;
 
@@ -90,6 +91,38 @@ fn the_errors_of_the_net_are_drawn_along_the_loop() {
     let html = build(dir.path()).unwrap();
     let said = "in 42 of 100 steps: a at most 1.0e-4; an integrator made these steps.";
     assert!(html.contains(said));
+}
+
+#[test]
+fn the_range_of_plans_is_drawn_along_the_loop() {
+    let dir = whole();
+    assert!(!svg(dir.path(), "control").contains("range of plans"));
+    // Two plans of ten steps, around a parabola.
+    let mut table = "t,a_low,a_high,b_low,b_high,c_low,c_high\n".to_owned();
+    let middle = |t: f64| 0.2 + 1e-3 * t * t;
+    for k in 0..24 {
+        let t = 0.5 * f64::from(k);
+        let width = 0.01 * f64::from(k % 12);
+        let ends = [middle(t) - width, middle(t) + width];
+        let _ = match k % 12 {
+            11 => writeln!(table, "{t},,,,,,"),
+            _ => writeln!(table, "{t},{},{},0,0,1,1", ends[0], ends[1]),
+        };
+    }
+    write(&dir, "plans-pinc.csv", &table);
+    let picture = svg(dir.path(), "control");
+    assert_sound(&picture);
+    assert!(picture.contains("range of plans"));
+    let plot = Plot::read(&picture, "Controlled states");
+    let lines = plot.lines("range of plans");
+    assert_eq!(lines.len(), 4, "two ends, each with a gap between the plans");
+    for line in &lines {
+        let (begin, last) = (line[0].0, line[line.len() - 1]);
+        assert!(begin.abs() < 0.1 || (begin - 6.0).abs() < 0.1, "{begin}");
+        let side = (last.1 - middle(last.0)).signum();
+        plot.assert_follows(line, |t| middle(t) + side * 0.02 * (t - begin));
+    }
+    assert!(build(dir.path()).unwrap().contains("(from plans-pinc.csv)"));
 }
 
 #[test]
