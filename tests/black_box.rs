@@ -37,11 +37,12 @@ fn main() -> ExitCode {
     ExitCode::SUCCESS
 }
 
-const TESTS: [(&str, fn()); 5] = [
+const TESTS: [(&str, fn()); 6] = [
     ("it_starts_only_where_it_is_allowed", it_starts_only_where_it_is_allowed),
     ("many_requests_are_answered_in_order", many_requests_are_answered_in_order),
     ("what_is_no_answer_is_explained", what_is_no_answer_is_explained),
     ("an_exported_plant_is_a_plant", an_exported_plant_is_a_plant),
+    ("outputs_of_an_fmu_are_controlled", outputs_of_an_fmu_are_controlled),
     ("it_is_distilled_and_controlled_like_its_equation", it_is_distilled_and_controlled),
 ];
 
@@ -279,6 +280,77 @@ fn an_exported_plant_is_a_plant() {
     let text = config("fmu = { file = 'tests/Cargo.toml', states = ['x'], inputs = ['u'] }");
     let error = parse(&text.replace("MODEL", "black-box"), &allowed()).unwrap_err();
     assert!(error.contains("plant.fmu.file"), "{error}");
+}
+
+/// An output that depends on the input is controlled, bounded, and all that the estimator measures: the
+/// loop with the exported plant as plant and as model equals the equation's.
+fn outputs_of_an_fmu_are_controlled() {
+    let dir = tempfile::tempdir().unwrap();
+    let config = |plant: &str, model: &str| {
+        format!(
+            r#"
+name = "outputs"
+preset = "ours"
+seed = 1
+[plant.{plant}]
+states = [{{ name = "x", unit = "m" }}, {{ name = "v", unit = "m/s" }}]
+inputs = [{{ name = "u", unit = "N" }}]
+{}
+[control]
+models = ["{model}"]
+step_s = 0.5
+duration_s = 10.0
+initial_state = [0.8, 0.0]
+initial_input = [0.1]
+controlled = ["force"]
+q = [10.0]
+r = [1.0]
+n2 = 8
+nu = 8
+input_low = [-1.0]
+input_high = [1.0]
+output_high = {{ force = 0.62 }}
+output_softness = "exact"
+rk4_substeps = 50
+references = [{{ start_s = 0.0, value = [0.4] }}, {{ start_s = 5.0, value = [0.65] }}]
+[control.measurement]
+measured = ["force"]
+noise_sd = [0.01]
+[control.estimator]
+kind = "ekf"
+process_sd = [0.01, 0.01]
+measurement_sd = [0.01]
+initial_estimate = [0.7, 0.1]
+initial_sd = [0.2, 0.2]
+"#,
+            match plant {
+                "expression" => {
+                    "[plant.expression.derivatives]\nx = \"v\"\nv = \"u - x - 0.4*v*abs(v)\"\n\
+                     [plant.expression.outputs]\n\
+                     force = { expression = \"0.6*x + 0.3*v + 0.2*u\", unit = \"N\" }\n"
+                        .to_owned()
+                }
+                _ => format!(
+                    "file = {}\noutputs = [{{ name = \"force\", unit = \"N\" }}]\n\
+                     start_variables = {{ x = \"x_start\", v = \"v_start\" }}\n",
+                    json!(dir.path().join("made/plant.fmu"))
+                ),
+            }
+        )
+    };
+    let read = |plant: &str, model: &str| {
+        Experiment::parse(Path::new("b.toml"), &config(plant, model), &[], &allowed()).unwrap()
+    };
+    let equation = read("expression", "rk4");
+    let expected = iae(&equation);
+    for version in [FmiVersion::Two, FmiVersion::Three] {
+        let out = dir.path().join("made");
+        export_plant(&equation, Target::Fmu(version), Some("plant"), Some(&out)).unwrap();
+        let of_fmu = read("fmu", "black-box");
+        let found = iae(&of_fmu);
+        assert!((found / expected - 1.0).abs() < 1e-6, "{version:?}: {found} {expected}");
+        std::fs::remove_dir_all(&out).unwrap();
+    }
 }
 
 fn run_of(experiment: &Experiment, dir: &Path) -> RunDir {

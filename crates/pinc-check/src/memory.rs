@@ -155,6 +155,7 @@ mod tests {
         BlackBox {
             states: vec![Variable::new("a", ""), Variable::new("b", "")],
             inputs: vec![Variable::new("u", "")],
+            outputs: Vec::new(),
             difference_steps: vec![1e-6; 3],
             flow: Arc::new(By(flow)),
         }

@@ -31,7 +31,7 @@ pub(crate) fn examine(subject: &Subject<'_>) -> Vec<Finding> {
     let tightened = bounds.iter().filter(|bound| bound.by > 0.0).map(Bound::in_words);
     let left_out = [
         ("the estimator's covariance", spec.estimate),
-        ("the net's error", spec.net_error != NetErrorSpec::None),
+        ("the net's error", spec.net_error != NetErrorSpec::NONE),
     ]
     .iter()
     .filter_map(|(name, counts)| counts.then_some(*name))

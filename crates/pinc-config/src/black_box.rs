@@ -62,7 +62,11 @@ pub struct FmuSpec {
     pub states: Vec<Variable>,
     /// Inputs, in order.
     pub inputs: Vec<Variable>,
-    /// Names of states and inputs in the file where they differ from those here.
+    /// Outputs, in order: functions of states and inputs that can be controlled, bounded and measured. If
+    /// absent, the states are the outputs.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub outputs: Vec<Variable>,
+    /// Names of states, inputs and outputs in the file where they differ from those here.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub variables: BTreeMap<String, String>,
     /// Names of the variables that set the initial states, where they differ from the states' names.
@@ -137,14 +141,18 @@ impl ProcessSpec {
 
     /// The plant, if it is allowed.
     pub(crate) fn build(&self) -> Option<BlackBox> {
-        self.flow.black_box([&self.states, &self.inputs], &self.nominal, self.difference_step)
+        self.flow.black_box(
+            [&self.states, &self.inputs, &Vec::new()],
+            &self.nominal,
+            self.difference_step,
+        )
     }
 }
 
 impl SharedFlow {
     fn black_box(
         &self,
-        [states, inputs]: [&Vec<Variable>; 2],
+        [states, inputs, outputs]: [&Vec<Variable>; 3],
         nominal: &BTreeMap<String, f64>,
         difference_step: f64,
     ) -> Option<BlackBox> {
@@ -152,7 +160,8 @@ impl SharedFlow {
         let size = |v: &Variable| nominal.get(&*v.name).copied().unwrap_or(1.0);
         let step = |v| difference_step * size(v);
         let difference_steps = states.iter().chain(inputs).map(step).collect();
-        Some(BlackBox { states: states.clone(), inputs: inputs.clone(), difference_steps, flow })
+        let [states, inputs, outputs] = [states, inputs, outputs].map(Vec::clone);
+        Some(BlackBox { states, inputs, outputs, difference_steps, flow })
     }
 }
 
@@ -168,6 +177,7 @@ impl FmuSpec {
             states: self.states.iter().map(named).collect(),
             starts: self.states.iter().map(|v| start(v).unwrap_or_else(|| named(v))).collect(),
             inputs: self.inputs.iter().map(named).collect(),
+            outputs: self.outputs.iter().map(named).collect(),
             parameters: self.parameters.clone().into_iter().collect(),
             directional_derivatives: self.directional_derivatives,
             time_limit: time_limit(self.time_limit_s),
@@ -183,6 +193,10 @@ impl FmuSpec {
 
     /// The plant, if it is allowed.
     pub(crate) fn build(&self) -> Option<BlackBox> {
-        self.flow.black_box([&self.states, &self.inputs], &self.nominal, self.difference_step)
+        self.flow.black_box(
+            [&self.states, &self.inputs, &self.outputs],
+            &self.nominal,
+            self.difference_step,
+        )
     }
 }

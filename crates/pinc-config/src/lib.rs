@@ -85,7 +85,7 @@ pub use trial::{
 };
 pub use tune::{Candidate, TuneSpec};
 pub use uncertainty::{
-    FeedbackSpec, FeedbackWord, NetErrorSpec, ProbabilitySpec, TubeParts, UncertaintySpec,
-    WorstCase,
+    FeedbackSpec, FeedbackWord, NetErrorSpec, NetErrorWord, ProbabilitySpec, TubeParts,
+    UncertaintySpec, WorstCase,
 };
 pub use validate::limits::STEPS as MOST_STEPS;

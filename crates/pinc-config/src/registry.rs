@@ -77,11 +77,15 @@ impl PlantSpec {
             let outputs = if outputs.is_empty() { states.clone() } else { outputs };
             return Variables { states, inputs, outputs };
         }
-        if let Self::Process(ProcessSpec { states, inputs, .. })
-        | Self::Fmu(FmuSpec { states, inputs, .. }) = self
-        {
-            let (states, inputs) = (states.clone(), inputs.clone());
-            return Variables { outputs: states.clone(), states, inputs };
+        let declared = match self {
+            Self::Process(ProcessSpec { states, inputs, .. }) => Some([states, inputs, states]),
+            Self::Fmu(FmuSpec { states, inputs, outputs, .. }) => {
+                Some([states, inputs, if outputs.is_empty() { states } else { outputs }])
+            }
+            _ => None,
+        };
+        if let Some([states, inputs, outputs]) = declared.map(|of| of.map(Vec::clone)) {
+            return Variables { states, inputs, outputs };
         }
         Variables::of(&*self.dyn_plant())
     }

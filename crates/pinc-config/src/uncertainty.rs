@@ -33,7 +33,7 @@ pub struct UncertaintySpec {
     pub estimate: bool,
     /// Whether the error of the net counts: `true` takes its estimate as the limit in each stage,
     /// `"proven"` the bound in the certificate of the model file.
-    #[serde(default, with = "net_error", skip_serializing_if = "NetErrorSpec::is_none")]
+    #[serde(default = "NetErrorSpec::none", skip_serializing_if = "NetErrorSpec::is_none")]
     pub net_error: NetErrorSpec,
     /// Feedback that is taken to act on deviations from the plan: `"riccati"`, the linear-quadratic
     /// regulator along the plan; `"none"`; or a matrix with one row per input.
@@ -59,59 +59,36 @@ pub enum WorstCase {
     WorstCase,
 }
 
-/// What is known of a net's error.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+/// What counts of a net's error.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(untagged, expecting = "expected true, false or \"proven\"")]
 pub enum NetErrorSpec {
-    /// It does not count.
-    #[default]
-    None,
-    /// Its estimate in each stage.
-    Estimated,
+    /// Its estimate in each stage, or nothing.
+    Estimated(bool),
     /// Its proven bound, which holds in the domain of the net.
+    Word(NetErrorWord),
+}
+
+/// A net's error in a word.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum NetErrorWord {
+    /// The bound in the certificate of the model file.
     Proven,
 }
 
 impl NetErrorSpec {
+    /// Nothing.
+    pub const NONE: Self = Self::Estimated(false);
+    /// The proven bound.
+    pub const PROVEN: Self = Self::Word(NetErrorWord::Proven);
+
+    fn none() -> Self {
+        Self::NONE
+    }
+
     pub(crate) fn is_none(&self) -> bool {
-        *self == Self::None
-    }
-}
-
-/// `false`, `true` and `"proven"`.
-mod net_error {
-    use super::NetErrorSpec;
-    use serde::{Deserialize, Deserializer, Serialize, Serializer};
-
-    #[derive(Serialize, Deserialize)]
-    #[serde(untagged, expecting = "expected true, false or \"proven\"")]
-    enum Value {
-        Counts(bool),
-        Word(Word),
-    }
-
-    #[derive(Serialize, Deserialize)]
-    #[serde(rename_all = "lowercase")]
-    enum Word {
-        Proven,
-    }
-
-    pub(super) fn serialize<S: Serializer>(spec: &NetErrorSpec, to: S) -> Result<S::Ok, S::Error> {
-        let value = match spec {
-            NetErrorSpec::None => Value::Counts(false),
-            NetErrorSpec::Estimated => Value::Counts(true),
-            NetErrorSpec::Proven => Value::Word(Word::Proven),
-        };
-        value.serialize(to)
-    }
-
-    pub(super) fn deserialize<'de, D: Deserializer<'de>>(
-        from: D,
-    ) -> Result<NetErrorSpec, D::Error> {
-        Ok(match Value::deserialize(from)? {
-            Value::Counts(false) => NetErrorSpec::None,
-            Value::Counts(true) => NetErrorSpec::Estimated,
-            Value::Word(Word::Proven) => NetErrorSpec::Proven,
-        })
+        *self == Self::NONE
     }
 }
 

@@ -65,7 +65,7 @@ impl Description<'_> {
     fn model_variables(&self) -> String {
         let mut text = String::new();
         for (i, variable) in self.variables.iter().enumerate() {
-            let kind = variable.role.attributes(self.feed_through);
+            let kind = variable.role.attributes(self.sampled);
             let _ = writeln!(
                 text,
                 "    <ScalarVariable name=\"{}\" valueReference=\"{i}\"{} {kind}>\n      \
@@ -106,12 +106,14 @@ impl Description<'_> {
             };
             outputs.iter().enumerate().map(row).collect()
         };
-        let always = |_: usize| if self.feed_through { inputs.clone() } else { String::new() };
+        let always = |at: usize| match at < self.from_starts {
+            true => String::new(),
+            false => inputs.clone(),
+        };
         let all_starts = join(starts.clone());
-        let first = |at: usize| match (self.feed_through, starts.get(at)) {
-            (true, _) => format!("{inputs} {all_starts}"),
-            (false, Some(start)) => start.to_string(),
-            (false, None) => String::new(),
+        let first = |at: usize| match starts.get(at).filter(|_| at < self.from_starts) {
+            Some(start) => start.to_string(),
+            None => format!("{inputs} {all_starts}"),
         };
         format!(
             "  <ModelStructure>\n    <Outputs>\n{}    </Outputs>\n    <InitialUnknowns>\n{}    \

@@ -59,7 +59,7 @@ impl Description<'_> {
 
     fn variables3(&self) -> String {
         let variable = |(i, of): (usize, &Real)| {
-            let kind = of.role.attributes(self.feed_through);
+            let kind = of.role.attributes(self.sampled);
             format!(
                 "    <Float64 name=\"{}\" valueReference=\"{}\"{} {kind}{}/>\n",
                 attribute(&of.name),
@@ -90,10 +90,14 @@ impl Description<'_> {
         let statuses = 0..self.statuses.len();
         outputs.extend(statuses.map(|i| (self.variables.len() + 1 + i).to_string()));
         let starts = [of(Role::Start), of(Role::Tunable)].concat();
-        let always = if self.feed_through { of(Role::Input).join(" ") } else { String::new() };
-        let first = |at: usize| match self.feed_through {
-            true => format!("{always} {}", starts.join(" ")),
-            false => starts[at].clone(),
+        let inputs = of(Role::Input).join(" ");
+        let always = |at: usize| match at < self.from_starts {
+            true => String::new(),
+            false => inputs.clone(),
+        };
+        let first = |at: usize| match starts.get(at).filter(|_| at < self.from_starts) {
+            Some(start) => start.clone(),
+            None => format!("{inputs} {}", starts.join(" ")),
         };
         let list = |tag: &str, on: &dyn Fn(usize) -> String| -> String {
             let row = |(at, vr): (usize, &String)| {
@@ -104,7 +108,7 @@ impl Description<'_> {
         };
         format!(
             "  <ModelStructure>\n{}{}  </ModelStructure>\n",
-            list("Output", &|_| always.clone()),
+            list("Output", &always),
             list("InitialUnknown", &first),
         )
     }

@@ -5,6 +5,7 @@ use crate::mpc_c::controller_sources;
 use crate::net_c::{check_member, has_time, net_core, places};
 use crate::open::Open;
 use crate::origin::{Origin, attribute};
+use crate::outputs_c::outputs_core;
 use crate::runge_kutta_c::{RungeKuttaModel, runge_kutta_core};
 use crate::template::{self, Template, array, constant};
 use crate::{ExportError, GeneratedFile, Name};
@@ -59,7 +60,8 @@ pub fn net_to_fmu(
         variables: &variables,
         step_s: net.sample_time_s(),
         any_step: has_time(net),
-        feed_through: false,
+        sampled: false,
+        from_starts: states.len(),
         statuses: Vec::new(),
         note: origin.proven.clone(),
         sources: vec![format!("{}_net.c", name.as_str())],
@@ -137,7 +139,8 @@ pub fn controller_to_fmu(
         variables: &variables,
         step_s: controller.sample_time_s(),
         any_step: true,
-        feed_through: true,
+        sampled: true,
+        from_starts: 0,
         statuses,
         note: notes(controller, origin),
         sources: sources
@@ -208,7 +211,8 @@ fn budget_note(controller: &Controller<'_>) -> Option<String> {
 }
 
 /// A plant by its equations as the content of an FMU, integrated accurately: what a controller can
-/// be tried on. Its variables are as in [`net_to_fmu`]; it starts in `initial_state`.
+/// be tried on. Its variables are as in [`net_to_fmu`], with the plant's outputs that are no states
+/// as outputs; it starts in `initial_state`.
 ///
 /// # Errors
 ///
@@ -221,13 +225,32 @@ pub fn plant_to_fmu(
     version: FmiVersion,
 ) -> Result<Vec<GeneratedFile>, ExportError> {
     let (states, inputs) = (&origin.states, &origin.inputs);
+    let is_own = |output: &Variable| states.iter().all(|state| state.name != output.name);
+    let (places, own): (Vec<usize>, Vec<Variable>) =
+        origin.outputs.iter().cloned().enumerate().filter(|(_, output)| is_own(output)).unzip();
     let mut variables = list(states, "", Role::Output, initial_state);
+    variables.extend(list(&own, "", Role::Output, &vec![0.0; own.len()]));
+    let first_input = variables.len();
     variables.extend(list(inputs, "", Role::Input, &vec![0.0; inputs.len()]));
     variables.extend(list(states, "_start", Role::Start, initial_state));
     let mut t = Template::new(name);
     t.set("BANNER", origin.banner("A plant, integrated.", None));
     let method = plant.method.name();
-    t.set("HEADER", method).set("RK", method).set("FIRST_SET", states.len()).set("FIELDS", "");
+    let mut sources = runge_kutta_core(plant, method, Open::default(), name, origin)?;
+    let (mut header, mut refresh) = (method, "    (void)s;\n".to_owned());
+    if !own.is_empty() {
+        let of = (plant.equations, plant.parameters);
+        sources.extend(outputs_core(of.0, of.1, Open::default(), (name, method), origin)?);
+        header = "outputs";
+        refresh =
+            "    double y[PINC_NO];\n    pinc_outputs(s->reals, s->reals + PINC_INPUTS, y);\n"
+                .to_owned();
+        for (variable, place) in (states.len()..).zip(&places) {
+            refresh += &format!("    s->reals[{variable}] = y[{place}];\n");
+        }
+    }
+    t.set("HEADER", header).set("RK", method).set("FIRST_SET", first_input).set("FIELDS", "");
+    t.set("REFRESH", refresh).set("INPUTS", first_input);
     t.set("FINE", constant(plant.sample_time_s / FINE));
     t.set("REFUSAL", "the equations have no finite value there");
     t.set("MODEL_CODE", include_str!("../templates/fmu_plant.c"));
@@ -235,18 +258,18 @@ pub fn plant_to_fmu(
         variables: &variables,
         step_s: plant.sample_time_s,
         any_step: true,
-        feed_through: false,
+        sampled: false,
+        from_starts: states.len(),
         statuses: Vec::new(),
         note: None,
-        sources: vec![format!("{}_{method}.c", name.as_str())],
+        sources: sources
+            .iter()
+            .map(|file| file.path.clone())
+            .filter(|path| path.ends_with(".c"))
+            .collect(),
         version,
     };
-    description.files(
-        t,
-        runge_kutta_core(plant, method, Open::default(), name, origin)?,
-        name,
-        origin,
-    )
+    description.files(t, sources, name, origin)
 }
 
 /// The version of the interface.
@@ -402,8 +425,11 @@ pub(crate) struct Description<'a> {
     pub(crate) variables: &'a [Real],
     pub(crate) step_s: f64,
     pub(crate) any_step: bool,
-    /// Whether outputs depend on inputs at the same time.
-    pub(crate) feed_through: bool,
+    /// Whether outputs change at samples only.
+    pub(crate) sampled: bool,
+    /// How many outputs, the first ones, depend on no input at the same time, and at the start on
+    /// the parameter of their place alone. The others depend on all.
+    pub(crate) from_starts: usize,
     /// How a step ended.
     pub(crate) statuses: Vec<Status>,
     /// What the description of the model says.

@@ -1,17 +1,17 @@
-/* Value references: states, then inputs, then initial states. */
+/* Value references: states, then outputs that are no states, inputs, and initial states. */
+#define PINC_INPUTS @INPUTS@
 
 /* The longest substep, in s. */
 #define PINC_FINE_S @FINE@
 
 static void pinc_begin_run(pinc_slave *s)
 {
-    memcpy(s->reals, s->reals + (PINC_NX + PINC_NU), PINC_NX * sizeof(double));
+    memcpy(s->reals, s->reals + (PINC_INPUTS + PINC_NU), PINC_NX * sizeof(double));
 }
 
 static void pinc_refresh(pinc_slave *s)
 {
-    (void)s;
-}
+@REFRESH@}
 
 static void pinc_changed(pinc_slave *s)
 {
@@ -47,7 +47,7 @@ static int pinc_advance(pinc_slave *s, double from, double length)
     double done;
     int i;
     for (done = 0.0; done < count - 0.5; done += 1.0) {
-        pinc_substep(s->reals, s->reals + PINC_NX, length / count);
+        pinc_substep(s->reals, s->reals + PINC_INPUTS, length / count);
     }
     for (i = 0; i < PINC_NX; i++) {
         const double difference = s->reals[i] - s->reals[i];

@@ -18,6 +18,7 @@ const TWO: &str = r#"<fmiModelDescription fmiVersion="2.0" guid="g">
 <ScalarVariable name="der(x2)" valueReference="4"><Real derivative="2"/></ScalarVariable>
 <ScalarVariable name="k" valueReference="5" causality="parameter"><Real start="1"/></ScalarVariable>
 <ScalarVariable name="u" valueReference="6" causality="input"><Real start="0"/></ScalarVariable>
+<ScalarVariable name="y" valueReference="7" causality="output"><Real/></ScalarVariable>
 </ModelVariables>
 <ModelStructure><Derivatives><Unknown index="3"/><Unknown index="4"/></Derivatives></ModelStructure>
 </fmiModelDescription>"#;
@@ -29,6 +30,7 @@ const THREE: &str = r#"<fmiModelDescription fmiVersion="3.0" instantiationToken=
 <Float64 name="der(x)" valueReference="3" derivative="1"><Dimension start="2"/></Float64>
 <Float64 name="k" valueReference="5" causality="parameter" start="1"/>
 <Float64 name="w" valueReference="6" causality="input" start="0 0"><Dimension start="2"/></Float64>
+<Float64 name="y" valueReference="7" causality="output"/>
 </ModelVariables>
 <ModelStructure><ContinuousStateDerivative valueReference="3"/></ModelStructure>
 </fmiModelDescription>"#;
@@ -112,6 +114,7 @@ fn plant(states: [&str; 2], input: &str) -> FmuPlant {
         starts: states.clone(),
         states,
         inputs: vec![input.to_owned()],
+        outputs: Vec::new(),
         parameters: Vec::new(),
         directional_derivatives: true,
         time_limit: Duration::from_secs(60),
@@ -224,6 +227,37 @@ fn a_step_begins_at_time_zero_with_the_parameters_given() {
                 truth.step(&X[2 * k..2 * k + 2], &[2.5, U[k]], &[], &mut expected);
                 for (a, b) in found.iter().zip(expected) {
                     assert!((a - b).abs() < 2e-9, "{version} {kind:?} {k}: {a} {b}");
+                }
+            }
+        }
+    }
+}
+
+/// By both interfaces: an output that depends on the state and the input, and a state.
+#[test]
+fn outputs_are_read_in_a_state_under_an_input() {
+    for (version, description, states, force) in
+        [(2, TWO, ["x1", "x2"], "u"), (3, THREE, ["x[1]", "x[2]"], "w[2]")]
+    {
+        for kind in [FmuKind::ModelExchange, FmuKind::CoSimulation] {
+            let dir = tempfile::tempdir().unwrap();
+            let own = match kind {
+                FmuKind::ModelExchange => description.to_owned(),
+                FmuKind::CoSimulation => description.replace("<ModelExchange", "<CoSimulation"),
+            };
+            let path = fmu(dir.path(), version, &own);
+            let outputs = ["y", states[1]].map(str::to_owned).to_vec();
+            let given = FmuPlant { kind: Some(kind), outputs, ..plant(states, force) };
+            let fmu = Fmu::open(&path, &given).unwrap();
+            let mut y = [0.0; 6];
+            // A step between does not matter.
+            fmu.outputs(&X, &U, &mut y).unwrap();
+            fmu.advance(&mut X.clone(), &U, 0.45).unwrap();
+            fmu.outputs(&X, &U, &mut y).unwrap();
+            for (k, y) in y.chunks(2).enumerate() {
+                let exact = [X[2 * k] * X[2 * k + 1] + 2.0 * U[k], X[2 * k + 1]];
+                for (found, exact) in y.iter().zip(exact) {
+                    assert!((found - exact).abs() < 1e-14, "{version} {kind:?}: {found} {exact}");
                 }
             }
         }

@@ -40,19 +40,8 @@ pub struct StepReport<'a> {
     pub trust: Trust,
 }
 
-/// A [`StepReport`] without the input.
-pub(crate) struct Planned {
-    pub(crate) status: SqpStatus,
-    pub(crate) sqp_iterations: usize,
-    pub(crate) work: StepWork,
-    pub(crate) kkt: KktResidual,
-    pub(crate) violated: Option<Constraint>,
-    pub(crate) followed: bool,
-    pub(crate) curvature_dropped: bool,
-    pub(crate) cost: f64,
-    pub(crate) start: Option<usize>,
-    pub(crate) trust: Trust,
-}
+/// A [`StepReport`] without the input, which is empty.
+pub(crate) type Planned = StepReport<'static>;
 
 impl Planned {
     /// A step that was optimized, not yet judged.
@@ -61,20 +50,19 @@ impl Planned {
         Self {
             status,
             sqp_iterations: iterations,
-            work,
             kkt: last,
             violated,
             followed,
             curvature_dropped,
             cost,
-            start: None,
-            trust: Trust::NotJudged,
+            ..Self::held(work)
         }
     }
 
     /// A step without a state, in which the last input is held.
     pub(crate) fn held(work: StepWork) -> Self {
         Self {
+            u: &[],
             status: SqpStatus::BadArgument,
             sqp_iterations: 0,
             work,
@@ -89,20 +77,6 @@ impl Planned {
     }
 
     pub(crate) fn report(self, u: &[f64]) -> StepReport<'_> {
-        let Self { status, sqp_iterations, work, kkt, violated, followed, .. } = self;
-        let Self { curvature_dropped, cost, start, trust, .. } = self;
-        StepReport {
-            u,
-            status,
-            sqp_iterations,
-            work,
-            kkt,
-            violated,
-            followed,
-            curvature_dropped,
-            cost,
-            start,
-            trust,
-        }
+        StepReport { u, ..self }
     }
 }

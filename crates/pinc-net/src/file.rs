@@ -179,19 +179,7 @@ impl PincNet {
             return Err(ModelError::Inconsistent { field, problem });
         }
         let net = description.into_net(&SafeTensors::deserialize(bytes).map_err(container)?)?;
-        Ok(net.with_certificate(metadata.get(CERTIFICATE).cloned()))
-    }
-
-    /// What is proven of the net, a text for those who prove it and rely on it.
-    #[must_use]
-    pub fn certificate(&self) -> Option<&str> {
-        self.certificate.as_deref()
-    }
-
-    /// The net with another certificate, or without one.
-    #[must_use]
-    pub fn with_certificate(self, certificate: Option<String>) -> Self {
-        Self { certificate, ..self }
+        Ok(Self { certificate: metadata.get(CERTIFICATE).cloned(), ..net })
     }
 }
 

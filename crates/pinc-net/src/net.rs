@@ -120,7 +120,8 @@ pub struct PincNet {
     pub(crate) domain: Domain,
     pub(crate) time_only: Option<Scenario>,
     pub(crate) source: TrainingTarget,
-    pub(crate) certificate: Option<String>,
+    /// What is proven of the net: a text that its file has, for those who prove it and rely on it.
+    pub certificate: Option<String>,
 }
 
 impl PincNet {

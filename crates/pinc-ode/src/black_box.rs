@@ -2,8 +2,8 @@
 
 use crate::dyn_plant::AnyVectorRhs;
 use crate::{
-    Dims, DynPlant, DynRhs, Integrator, Linearization, Model, OdeError, Stages, Variable,
-    VectorDual, VectorRhs,
+    Dims, DynPlant, DynRhs, Integrator, Linearization, Model, OdeError, OutputLinearization,
+    Stages, Variable, VectorDual, VectorRhs,
 };
 use pinc_ad::simd::{Isa, Simd};
 use std::fmt::Debug;
@@ -39,10 +39,19 @@ pub trait Flow: Debug + Send + Sync {
     ) -> Option<Result<(), OdeError>> {
         None
     }
+
+    /// Writes the outputs at each of the states `x` under its input in `u`, `[points, ny]`, of a plant
+    /// whose outputs are not its states.
+    ///
+    /// # Errors
+    ///
+    /// [`OdeError`] if there are none.
+    fn outputs(&self, _x: &[f64], _u: &[f64], _y: &mut [f64]) -> Result<(), OdeError> {
+        Err(OdeError::External { reason: "it has no outputs but its states".to_owned() })
+    }
 }
 
-/// A plant of which nothing is known but its [`Flow`], with its variables; its outputs are its
-/// states.
+/// A plant of which nothing is known but its [`Flow`], with its variables.
 ///
 /// f(x, u) is NaN everywhere, and so is what its integrators give: there is nothing to integrate.
 /// [`Simulator`](crate::Simulator) moves its state, and [`FlowModel`] is a model of it.
@@ -52,6 +61,8 @@ pub struct BlackBox {
     pub states: Vec<Variable>,
     /// The inputs, in order.
     pub inputs: Vec<Variable>,
+    /// The outputs, in order; none where they are the states.
+    pub outputs: Vec<Variable>,
     /// The change of each state, then of each input, by which differences are taken.
     pub difference_steps: Vec<f64>,
     /// What moves the states.
@@ -60,7 +71,7 @@ pub struct BlackBox {
 
 impl DynRhs for BlackBox {
     fn dims(&self) -> Dims {
-        Dims::new(self.states.len(), self.inputs.len())
+        Dims::new(self.states.len(), self.inputs.len()).with_outputs(self.outputs().len())
     }
 
     fn states(&self) -> &[Variable] {
@@ -76,15 +87,19 @@ impl DynRhs for BlackBox {
     }
 
     fn outputs(&self) -> &[Variable] {
-        &self.states
+        if self.outputs.is_empty() { &self.states } else { &self.outputs }
     }
 
     fn rhs(&self, _x: &[f64], _u: &[f64], _p: &[f64], dx: &mut [f64]) {
         dx.fill(f64::NAN);
     }
 
-    fn output(&self, x: &[f64], _u: &[f64], _p: &[f64], y: &mut [f64]) {
-        y.copy_from_slice(x);
+    fn output(&self, x: &[f64], u: &[f64], _p: &[f64], y: &mut [f64]) {
+        if self.outputs.is_empty() {
+            y.copy_from_slice(x);
+        } else if self.flow.outputs(x, u, y).is_err() {
+            y.fill(f64::NAN);
+        }
     }
 
     fn explain(&self, _x: &[f64], _u: &[f64], _p: &[f64]) -> Option<String> {
@@ -131,8 +146,9 @@ impl<V: Simd> VectorRhs<V> for NoEquation {
 }
 
 /// A black box as a [`Model`]: F by its flow, and the Jacobians too where it has them. Else they
-/// are one-sided differences, 1 + nx + nu runs of the flow at each point; each change has the sign
-/// of its variable, so that a quantity that cannot be negative is not asked for below 0.
+/// are one-sided differences, 1 + nx + nu runs of the flow at each point, as those of outputs are;
+/// each change has the sign of its variable, so that a quantity that cannot be negative is not asked
+/// for below 0.
 ///
 /// Where the flow fails F is NaN, and the first failure is logged with its reason. The model itself
 /// allocates nothing; its flow may.
@@ -142,11 +158,15 @@ pub struct FlowModel {
     sample_time_s: f64,
     steps: Vec<f64>,
     flow: Arc<dyn Flow>,
+    /// Whether the outputs are other quantities than the states.
+    has_outputs: bool,
     /// Whether a failure was logged.
     told: bool,
     /// Places in one call of the flow: all points, with their changes.
     x: Vec<f64>,
     u: Vec<f64>,
+    /// The outputs there.
+    y: Vec<f64>,
 }
 
 impl FlowModel {
@@ -159,8 +179,9 @@ impl FlowModel {
     pub fn new(plant: &BlackBox, sample_time_s: f64) -> Self {
         let (dims, steps) = (plant.dims(), plant.difference_steps.clone());
         assert_eq!(steps.len(), dims.nx + dims.nu, "one difference step per state and input");
-        let flow = plant.flow.clone();
-        Self { dims, sample_time_s, steps, flow, told: false, x: Vec::new(), u: Vec::new() }
+        let (flow, has_outputs) = (plant.flow.clone(), !plant.outputs.is_empty());
+        let [x, u, y] = [const { Vec::new() }; 3];
+        Self { dims, sample_time_s, steps, flow, has_outputs, told: false, x, u, y }
     }
 
     /// Whether the flow succeeded. The reason of the first failure is logged.
@@ -177,6 +198,49 @@ impl FlowModel {
     fn change(&self, j: usize, value: f64) -> f64 {
         // What is added is what is divided by.
         (value + self.steps[j].copysign(value)) - value
+    }
+
+    /// Collects each point, followed by the same with each of its states and inputs changed.
+    fn move_points(&mut self, at: Stages<'_>) {
+        let Dims { nx, nu, .. } = self.dims;
+        self.x.clear();
+        self.u.clear();
+        for (x, u) in at.x.chunks_exact(nx).zip(at.u.chunks_exact(nu)) {
+            for moved in 0..=nx + nu {
+                self.x.extend_from_slice(x);
+                self.u.extend_from_slice(u);
+                let Some(j) = moved.checked_sub(1) else { continue };
+                let value = if j < nx { x[j] } else { u[j - nx] };
+                let change = self.change(j, value);
+                match j.checked_sub(nx) {
+                    None => *self.x.iter_mut().nth_back(nx - 1 - j).expect("a state") += change,
+                    Some(j) => *self.u.iter_mut().nth_back(nu - 1 - j).expect("an input") += change,
+                }
+            }
+        }
+    }
+
+    /// Writes the values at the points, and their differences by states and by inputs, from the
+    /// values at all that [`FlowModel::move_points`] collects.
+    fn difference(&self, at: Stages<'_>, values: &[f64], [to, by_x, by_u]: [&mut [f64]; 3]) {
+        let Dims { nx, nu, .. } = self.dims;
+        let rows = to.len() / at.count(self.dims).max(1);
+        for (k, values) in values.chunks_exact((1 + nx + nu) * rows).enumerate() {
+            let (value, moved) = values.split_at(rows);
+            to[k * rows..(k + 1) * rows].copy_from_slice(value);
+            let point = at.point(k, self.dims);
+            for (j, end) in moved.chunks_exact(rows).enumerate() {
+                let (jacobian, width, column, place) = match j.checked_sub(nx) {
+                    None => (&mut *by_x, nx, j, point.x[j]),
+                    Some(column) => (&mut *by_u, nu, column, point.u[column]),
+                };
+                let jacobian = &mut jacobian[k * rows * width..(k + 1) * rows * width];
+                let change = self.change(j, place);
+                for (i, (end, value)) in end.iter().zip(value).enumerate() {
+                    jacobian[i * width + column] = (end - value) / change;
+                }
+            }
+        }
     }
 }
 
@@ -198,13 +262,11 @@ impl Model for FlowModel {
     }
 
     fn feedthrough(&self) -> Vec<bool> {
-        vec![false; self.dims.ny]
+        vec![self.has_outputs; self.dims.ny]
     }
 
     fn linearize(&mut self, at: Stages<'_>, mut out: Linearization<'_>) {
-        let Dims { nx, nu, .. } = self.dims;
-        let (count, all) = (at.count(self.dims), 1 + nx + nu);
-        out.check(count, self.dims);
+        out.check(at.count(self.dims), self.dims);
         let Linearization { next, a, b, e } = &mut out;
         let own = self.flow.linearize(at, self.sample_time_s, Linearization { next, a, b, e });
         if let Some(result) = own {
@@ -213,43 +275,43 @@ impl Model for FlowModel {
             }
             return;
         }
-        self.x.clear();
-        self.u.clear();
-        for (x, u) in at.x.chunks_exact(nx).zip(at.u.chunks_exact(nu)) {
-            for moved in 0..all {
-                self.x.extend_from_slice(x);
-                self.u.extend_from_slice(u);
-                let Some(j) = moved.checked_sub(1) else { continue };
-                let last = match j.checked_sub(nx) {
-                    None => &mut self.x[..],
-                    Some(_) => &mut self.u[..],
-                };
-                let place = if j < nx { last.len() - nx + j } else { last.len() - nu + j - nx };
-                let value = last[place];
-                let change = (value + self.steps[j].copysign(value)) - value;
-                last[place] = value + change;
-            }
-        }
+        self.move_points(at);
         let result = self.flow.advance(&mut self.x, &self.u, self.sample_time_s);
         if !self.succeeded(result) {
             self.x.fill(f64::NAN);
         }
-        for (k, ends) in self.x.chunks_exact(all * nx).enumerate() {
-            let (next, moved) = ends.split_at(nx);
-            out.next[k * nx..(k + 1) * nx].copy_from_slice(next);
-            let point = at.point(k, self.dims);
-            for (j, end) in moved.chunks_exact(nx).enumerate() {
-                let (to, width, column) = match j.checked_sub(nx) {
-                    None => (&mut out.a[k * nx * nx..(k + 1) * nx * nx], nx, j),
-                    Some(column) => (&mut out.b[k * nx * nu..(k + 1) * nx * nu], nu, column),
-                };
-                let value = if j < nx { point.x[column] } else { point.u[column] };
-                let change = self.change(j, value);
-                for (i, (end, next)) in end.iter().zip(next).enumerate() {
-                    to[i * width + column] = (end - next) / change;
-                }
-            }
+        self.difference(at, &self.x, [out.next, out.a, out.b]);
+    }
+
+    fn output(&mut self, x: &[f64], u: &[f64], _p: &[f64], y: &mut [f64]) {
+        if !self.has_outputs {
+            return y.copy_from_slice(x);
         }
+        let result = self.flow.outputs(x, u, y);
+        if !self.succeeded(result) {
+            y.fill(f64::NAN);
+        }
+    }
+
+    fn linearize_output(&mut self, at: Stages<'_>, out: OutputLinearization<'_>) {
+        let count = at.count(self.dims);
+        out.check(count, self.dims);
+        out.e.fill(0.0);
+        self.move_points(at);
+        let mut y = std::mem::take(&mut self.y);
+        y.resize(count * (1 + self.steps.len()) * self.dims.ny, 0.0);
+        let result = match self.has_outputs {
+            true => self.flow.outputs(&self.x, &self.u, &mut y),
+            false => {
+                y.copy_from_slice(&self.x);
+                Ok(())
+            }
+        };
+        if !self.succeeded(result) {
+            y.fill(f64::NAN);
+        }
+        self.difference(at, &y, [out.y, out.c, out.d]);
+        self.y = y;
     }
 }
 
@@ -278,6 +340,7 @@ mod tests {
         BlackBox {
             states: variable("x"),
             inputs: variable("u"),
+            outputs: Vec::new(),
             difference_steps: vec![1e-6 * scale; 2],
             flow: Arc::new(Lag),
         }
@@ -355,6 +418,63 @@ mod tests {
                 assert!((a[k] - decay).abs() < 4e-9 && (b[k] - (1.0 - decay)).abs() < 4e-9);
             }
         }
+    }
+
+    /// The same with the outputs x u and u.
+    #[derive(Debug)]
+    struct Measured;
+
+    impl Flow for Measured {
+        fn advance(&self, x: &mut [f64], u: &[f64], duration_s: f64) -> Result<(), OdeError> {
+            Lag.advance(x, u, duration_s)
+        }
+
+        fn outputs(&self, x: &[f64], u: &[f64], y: &mut [f64]) -> Result<(), OdeError> {
+            for (y, (x, u)) in y.chunks_exact_mut(2).zip(x.iter().zip(u)) {
+                if *x < 0.0 {
+                    return Err(OdeError::External { reason: "below 0".to_owned() });
+                }
+                (y[0], y[1]) = (x * u, *u);
+            }
+            Ok(())
+        }
+    }
+
+    #[test]
+    fn outputs_have_differences_and_nan_where_they_fail() {
+        let bits = |values: &[f64]| values.iter().map(|v| v.to_bits()).collect::<Vec<_>>();
+        for scale in [1e-6, 1.0, 1e6] {
+            let outputs = ["product", "input"].map(|name| Variable::new(name, "")).to_vec();
+            let plant = BlackBox { outputs, flow: Arc::new(Measured), ..lag(scale) };
+            assert_eq!((plant.dims().ny, DynRhs::outputs(&plant).len()), (2, 2));
+            let mut model = FlowModel::new(&plant, 0.3);
+            assert_eq!(model.feedthrough(), [true; 2]);
+            let (x, u) = ([2.0 * scale, 0.0], [-3.0 * scale, scale]);
+            let (mut y, mut c, mut d) = ([0.0; 4], [0.0; 4], [0.0; 4]);
+            let out = OutputLinearization { y: &mut y, c: &mut c, d: &mut d, e: &mut [] };
+            model.linearize_output(Stages { x: &x, u: &u, p: &[] }, out);
+            for k in 0..2 {
+                assert_eq!(bits(&y[2 * k..2 * k + 2]), bits(&[x[k] * u[k], u[k]]));
+                let slopes = [c[2 * k], c[2 * k + 1], d[2 * k], d[2 * k + 1]];
+                let exact = [u[k], 0.0, x[k], 1.0];
+                for (i, (found, exact)) in slopes.iter().zip(exact).enumerate() {
+                    let size = if i == 3 { 1.0 } else { scale };
+                    assert!((found - exact).abs() < 1e-7 * size, "{k}, {i}: {found} {exact}");
+                }
+            }
+            let mut y = [0.0; 2];
+            model.output(&[-scale], &[scale], &[], &mut y);
+            assert!(y[0].is_nan());
+            plant.output(&[2.0 * scale], &[scale], &[], &mut y);
+            assert_eq!(bits(&y), bits(&[2.0 * scale * scale, scale]));
+        }
+        // The states are outputs without feedthrough.
+        let mut model = FlowModel::new(&lag(1.0), 0.3);
+        assert_eq!(model.feedthrough(), [false]);
+        let (mut y, mut c, mut d) = ([0.0], [0.0], [1.0]);
+        let out = OutputLinearization { y: &mut y, c: &mut c, d: &mut d, e: &mut [] };
+        model.linearize_output(Stages { x: &[2.0], u: &[5.0], p: &[] }, out);
+        assert_eq!(bits(&[y, c, d].concat()), bits(&[2.0, 1.0, 0.0]));
     }
 
     /// The same, with its derivatives for u >= 0.

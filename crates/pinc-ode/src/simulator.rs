@@ -1,16 +1,15 @@
 //! The plant's state in time, as exact as possible: the truth of all comparisons.
 
-use crate::{AccurateIntegrator, Dims, Dopri5, DynRhs, Flow, OdeError};
-use std::sync::Arc;
+use crate::{AccurateIntegrator, BlackBox, Dims, Dopri5, DynRhs, OdeError};
 
-/// A plant in time: an equation is integrated accurately, a [`BlackBox`](crate::BlackBox) asked.
+/// A plant in time: an equation is integrated accurately, a [`BlackBox`] asked.
 #[derive(Clone, Debug)]
 pub struct Simulator(Kind);
 
 #[derive(Clone, Debug)]
 enum Kind {
     Equation(Box<AccurateIntegrator>),
-    BlackBox { dims: Dims, flow: Arc<dyn Flow> },
+    BlackBox(Box<BlackBox>),
 }
 
 impl From<AccurateIntegrator> for Simulator {
@@ -36,9 +35,7 @@ impl Simulator {
     pub fn new(plant: &dyn DynRhs, tolerance: f64) -> Self {
         match plant.black_box() {
             None => AccurateIntegrator::shared(plant.to_shared(), tolerance).into(),
-            Some(black_box) => {
-                Self(Kind::BlackBox { dims: plant.dims(), flow: black_box.flow.clone() })
-            }
+            Some(black_box) => Self(Kind::BlackBox(Box::new(black_box.clone()))),
         }
     }
 
@@ -47,7 +44,7 @@ impl Simulator {
     pub fn dims(&self) -> Dims {
         match &self.0 {
             Kind::Equation(integrator) => integrator.dims(),
-            Kind::BlackBox { dims, .. } => *dims,
+            Kind::BlackBox(plant) => plant.dims(),
         }
     }
 
@@ -60,7 +57,7 @@ impl Simulator {
     pub fn set_parameters(&mut self, p: &[f64]) {
         match &mut self.0 {
             Kind::Equation(integrator) => integrator.set_parameters(p),
-            Kind::BlackBox { dims, .. } => assert_eq!(p.len(), dims.np, "length of p"),
+            Kind::BlackBox(plant) => assert_eq!(p.len(), plant.dims().np, "length of p"),
         }
     }
 
@@ -72,7 +69,7 @@ impl Simulator {
     pub fn output(&self, x: &[f64], u: &[f64], y: &mut [f64]) {
         match &self.0 {
             Kind::Equation(integrator) => integrator.output(x, u, y),
-            Kind::BlackBox { .. } => y.copy_from_slice(x),
+            Kind::BlackBox(plant) => plant.output(x, u, &[], y),
         }
     }
 
@@ -90,17 +87,18 @@ impl Simulator {
     pub fn integrate(&mut self, x: &mut [f64], u: &[f64], duration: f64) -> Result<(), OdeError> {
         match &mut self.0 {
             Kind::Equation(integrator) => integrator.integrate(x, u, duration),
-            Kind::BlackBox { dims, flow } => {
+            Kind::BlackBox(plant) => {
                 assert!(
                     duration >= 0.0 && duration.is_finite(),
                     "the duration must be finite and not negative"
                 );
-                assert_eq!((x.len(), u.len()), (dims.nx, dims.nu), "lengths of x and u");
+                let Dims { nx, nu, .. } = plant.dims();
+                assert_eq!((x.len(), u.len()), (nx, nu), "lengths of x and u");
                 if duration == 0.0 {
                     return Ok(());
                 }
                 let state = x.to_vec();
-                flow.advance(x, u, duration)?;
+                plant.flow.advance(x, u, duration)?;
                 match x.iter().all(|x| x.is_finite()) {
                     true => Ok(()),
                     false => Err(OdeError::NotFinite { t: 0.0, state }),

@@ -43,7 +43,7 @@ impl LoopSetup<'_> {
             model = Box::new(Compensated::new(model, Augmentation { estimated, ..of.clone() })?);
         }
         let net = self.net.filter(|_| kind == ModelKind::Pinc);
-        let estimated = net.filter(|_| spec.net_error == NetErrorSpec::Estimated);
+        let estimated = net.filter(|_| spec.net_error == NetErrorSpec::Estimated(true));
         let error = estimated.map(|net| NetError::new(net, plant, augmentation)).transpose()?;
         Ok(spec.tube(TubeParts {
             sizes: (model.dims().with_parameters(np), problem),
@@ -68,10 +68,7 @@ impl LoopSetup<'_> {
                 match Variables::of(plant).own_outputs().is_empty() {
                     true => Box::new(model),
                     // The net knows the states; what follows from them is the plant's to say.
-                    false => {
-                        let outputs = plant.model(Integrator::Rk4, length_s, 1)?;
-                        Box::new(WithOutputs::new(model, outputs))
-                    }
+                    false => Box::new(WithOutputs::new(model, outputs(plant, length_s)?)),
                 }
             }
             (ModelKind::Pinc, None) => unreachable!("the plan trains or reads a net for this loop"),
@@ -218,4 +215,12 @@ impl LoopSetup<'_> {
         let nodes = [model(first)?, model(middle)?, model(last)?];
         Ok(Box::new(Quadrature::new(model(length_s)?, nodes, rate)))
     }
+}
+
+/// A model that has the outputs of `plant`.
+pub(crate) fn outputs(plant: &dyn DynPlant, length_s: f64) -> Result<Box<dyn Model>, RunError> {
+    Ok(match plant.black_box() {
+        Some(black_box) => Box::new(FlowModel::new(black_box, length_s)),
+        None => plant.model(Integrator::Rk4, length_s, 1)?,
+    })
 }

@@ -5,6 +5,7 @@ use super::recorded::{Columns, DataRow};
 use super::{Options, rebuild_report};
 use crate::RunError;
 use crate::error::CsvProblem;
+use crate::horizon::outputs;
 use crate::invocation::invocation;
 use pinc_config::{
     Experiment, IdentifiedNet, IdentifiedParameter, IdentifyCriterion, IdentifySpec, ModelKind,
@@ -15,7 +16,7 @@ use pinc_identify::{
     Recording, Side, Start, Starts, Unknown, identify_from_starts, simulate_held_out,
 };
 use pinc_net::{PincModel, PincNet};
-use pinc_ode::{DynPlant, Integrator, Model, WithOutputs};
+use pinc_ode::{DynPlant, Model, WithOutputs};
 use pinc_record::{
     CorrelationMetrics, EstimateMetrics, HeldOutMetrics, IdentificationMetrics,
     InitialStateMetrics, InputCorrelationMetrics, MinimumMetrics, ParameterMetrics, Provenance,
@@ -349,10 +350,7 @@ fn fitted_model(
         let model = PincModel::new(net)?;
         return Ok(match Variables::of(plant).own_outputs().is_empty() {
             true => Box::new(model),
-            false => {
-                let outputs = plant.model(Integrator::Rk4, sample_time_s, 1)?;
-                Box::new(WithOutputs::new(model, outputs))
-            }
+            false => Box::new(WithOutputs::new(model, outputs(plant, sample_time_s)?)),
         });
     }
     let Some(integrator) = kind.integrator() else {

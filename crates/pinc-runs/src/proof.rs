@@ -166,7 +166,9 @@ pub(crate) fn worst_points(
 
 /// SHA-256 of the model file of `net` without a certificate, in hexadecimal digits.
 fn hash_of(net: &PincNet) -> String {
-    hash(&net.clone().with_certificate(None).to_bytes())
+    let mut bare = net.clone();
+    bare.certificate = None;
+    hash(&bare.to_bytes())
 }
 
 /// `net` with a certificate.
@@ -175,15 +177,16 @@ fn hash_of(net: &PincNet) -> String {
 ///
 /// Never: a certificate has a JSON text.
 #[must_use]
-pub(crate) fn certified(net: PincNet, certificate: &Certificate) -> PincNet {
+pub(crate) fn certified(mut net: PincNet, certificate: &Certificate) -> PincNet {
     let text = serde_json::to_string(certificate).expect("a certificate has a JSON text");
-    net.with_certificate(Some(text))
+    net.certificate = Some(text);
+    net
 }
 
 /// The certificate of a net, if it has one that can be read.
 #[must_use]
 pub fn certificate(net: &PincNet) -> Option<Certificate> {
-    serde_json::from_str(net.certificate()?).ok()
+    serde_json::from_str(net.certificate.as_deref()?).ok()
 }
 
 /// The certificate of `net`, which must be of this net, of its domain and of the experiment's
@@ -217,7 +220,7 @@ pub(crate) fn limits(
     net: Option<&PincNet>,
 ) -> Result<Option<Vec<f64>>, RunError> {
     let uncertainty = experiment.control.as_ref().and_then(|control| control.uncertainty.as_ref());
-    let (Some(net), Some(NetErrorSpec::Proven)) = (net, uncertainty.map(|of| of.net_error)) else {
+    let (Some(net), Some(NetErrorSpec::PROVEN)) = (net, uncertainty.map(|of| of.net_error)) else {
         return Ok(None);
     };
     let found = matching(experiment, net).map_err(|reason| {

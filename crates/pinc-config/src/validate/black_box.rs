@@ -26,8 +26,13 @@ pub(super) fn fmu(key: &str, spec: &FmuSpec, plants: &Plants) -> Checked {
     let FmuSpec { states, inputs, nominal, difference_step, .. } = spec;
     variables(&key, [states, inputs], nominal, *difference_step)?;
     for (list, names, of, kind) in [
-        ("variables", &spec.variables, [&states[..], &inputs[..]], "names of states and inputs"),
-        ("start_variables", &spec.start_variables, [&states[..], &[]], "names of states"),
+        (
+            "variables",
+            &spec.variables,
+            [&states[..], &inputs[..], &spec.outputs[..]],
+            "names of states, inputs and outputs",
+        ),
+        ("start_variables", &spec.start_variables, [&states[..], &[], &[]], "names of states"),
     ] {
         if let Some(name) = names.keys().find(|name| of.iter().all(|of| !has(of, name))) {
             return value(&format!("{key}.{list}"), format!("`{name}`"), kind);
@@ -114,7 +119,6 @@ pub(super) fn uses(experiment: &Experiment) -> Checked {
     for (key, is_there) in [
         ("one_step", experiment.one_step.is_some()),
         ("identify", experiment.identify.is_some()),
-        ("control.estimator", control.is_some_and(|control| control.estimator.is_some())),
         ("control.loads", control.is_some_and(|control| !control.loads.is_empty())),
     ] {
         if is_there {

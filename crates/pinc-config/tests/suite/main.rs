@@ -7,6 +7,7 @@ mod estimator;
 mod names;
 mod scenarios;
 mod schedules;
+mod slurm;
 mod times;
 mod tune;
 mod uncertainty;

@@ -89,6 +89,11 @@ impl Equation {
         work.instance.begin_continuous_time()
     }
 
+    /// Lets `read` look at the instance.
+    pub(super) fn look<R>(&self, read: impl FnOnce(&mut Instance) -> R) -> R {
+        read(&mut self.work().instance)
+    }
+
     /// What the FMU failed with since then.
     pub(super) fn failure(&self) -> Option<String> {
         self.work().failure.take()

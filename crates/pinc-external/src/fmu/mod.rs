@@ -19,7 +19,7 @@ use std::path::Path;
 use std::sync::{Arc, OnceLock};
 use std::time::Duration;
 use unpacked::Unpacked;
-use worker::{Job, Worker};
+use worker::{Job, Wanted, Worker};
 
 /// How an FMU is a plant: which of its variables are what.
 #[derive(Clone, Debug, PartialEq)]
@@ -32,6 +32,8 @@ pub struct FmuPlant {
     pub starts: Vec<String>,
     /// The variables that are the inputs. They may be parameters, since each step begins anew.
     pub inputs: Vec<String>,
+    /// The variables that are the outputs: their values in a state under an input.
+    pub outputs: Vec<String>,
     /// Other variables, with the values that they start with.
     pub parameters: Vec<(String, f64)>,
     /// Whether its directional derivatives are used, where it has them.
@@ -106,7 +108,7 @@ impl Flow for Fmu {
         out: Linearization<'_>,
     ) -> Option<Result<(), OdeError>> {
         self.simulation.derivatives.as_ref()?;
-        let job = Job { x: at.x.to_vec(), u: at.u.to_vec(), duration_s, with_jacobians: true };
+        let job = Job { x: at.x.to_vec(), u: at.u.to_vec(), wanted: Wanted::Jacobians(duration_s) };
         Some(self.ask(job).map(|found| {
             let (next, jacobians) = found.split_at(out.next.len());
             let (a, b) = jacobians.split_at(out.a.len());
@@ -117,7 +119,12 @@ impl Flow for Fmu {
     }
 
     fn advance(&self, x: &mut [f64], u: &[f64], duration_s: f64) -> Result<(), OdeError> {
-        let job = Job { x: x.to_vec(), u: u.to_vec(), duration_s, with_jacobians: false };
+        let job = Job { x: x.to_vec(), u: u.to_vec(), wanted: Wanted::States(duration_s) };
         self.ask(job).map(|next| x.copy_from_slice(&next))
+    }
+
+    fn outputs(&self, x: &[f64], u: &[f64], y: &mut [f64]) -> Result<(), OdeError> {
+        let job = Job { x: x.to_vec(), u: u.to_vec(), wanted: Wanted::Outputs };
+        self.ask(job).map(|found| y.copy_from_slice(&found))
     }
 }

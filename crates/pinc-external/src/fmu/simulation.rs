@@ -26,10 +26,10 @@ pub(super) struct Simulation {
     values: Vec<f64>,
     starts: Vec<usize>,
     inputs: Vec<usize>,
-    /// What is read after a co-simulation, and where the states are in it.
-    outputs: Vec<u32>,
-    output_values: usize,
-    states: Vec<usize>,
+    /// What is read after a co-simulation: the states.
+    states: Reading,
+    /// What is read at the start of a step.
+    outputs: Reading,
     /// In model exchange, the place of each state in the FMU's vector.
     order: Vec<usize>,
     /// Where they are there and to be used.
@@ -40,6 +40,30 @@ pub(super) struct Simulation {
 impl Debug for Simulation {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.debug_struct("Simulation").field("description", &self.description).finish_non_exhaustive()
+    }
+}
+
+/// Variables that are read, how many numbers they have together, and where among these the quantities
+/// are.
+struct Reading {
+    references: Vec<u32>,
+    numbers: usize,
+    places: Vec<usize>,
+}
+
+impl Reading {
+    fn new(description: &Description, of: Vec<Place>) -> Self {
+        let (mut references, mut values) = (Vec::new(), Vec::new());
+        let read = |place| slot(description, place, &mut references, &mut values);
+        let places = of.into_iter().map(read).collect();
+        Self { references, numbers: values.len(), places }
+    }
+
+    fn read(&self, instance: &mut Instance, to: &mut [f64]) -> Result<(), String> {
+        let mut found = vec![0.0; self.numbers];
+        instance.get(&self.references, &mut found)?;
+        to.iter_mut().zip(&self.places).for_each(|(to, place)| *to = found[*place]);
+        Ok(())
     }
 }
 
@@ -68,8 +92,12 @@ impl Simulation {
         let places = |names: &[String]| {
             names.iter().map(|name| description.place(name)).collect::<Result<Vec<_>, _>>()
         };
-        let [states, starts, input_places] =
-            [places(&plant.states)?, places(&plant.starts)?, places(&plant.inputs)?];
+        let [states, starts, input_places, outputs] = [
+            places(&plant.states)?,
+            places(&plant.starts)?,
+            places(&plant.inputs)?,
+            places(&plant.outputs)?,
+        ];
         let (mut references, mut values) = (Vec::new(), Vec::new());
         let mut add = |place: Place| slot(&description, place, &mut references, &mut values);
         let starts: Vec<usize> = starts.into_iter().map(&mut add).collect();
@@ -92,11 +120,8 @@ impl Simulation {
                 Start { references: &references, numbers, states: &starts, inputs: &inputs };
             Arc::new(Derivatives::new(&description, &order, &input_places, start))
         });
-        let (mut outputs, mut output_values) = (Vec::new(), Vec::new());
-        let read = |place| slot(&description, place, &mut outputs, &mut output_values);
-        let states: Vec<usize> = states.into_iter().map(read).collect();
-        let dims = Dims::new(states.len(), inputs.len());
-        let output_values = output_values.len();
+        let dims = Dims::new(states.len(), inputs.len()).with_outputs(outputs.len());
+        let [states, outputs] = [states, outputs].map(|of| Reading::new(&description, of));
         Ok(Self {
             dims,
             kind,
@@ -106,9 +131,8 @@ impl Simulation {
             values,
             starts,
             inputs,
-            outputs,
-            output_values,
             states,
+            outputs,
             order,
             derivatives,
             binary: OnceLock::new(),
@@ -191,16 +215,35 @@ impl Simulation {
         match copy {
             Copy::ModelExchange(of) => self.integrate(&of.equation, &of.step, &values, x, t),
             Copy::CoSimulation(instance) => {
-                let mut ends = vec![0.0; self.output_values];
-                instance
-                    .restart(&self.references, &values)
-                    .and_then(|()| instance.do_step(t))
-                    .and_then(|()| instance.get(&self.outputs, &mut ends))
-                    .map_err(external)?;
-                x.iter_mut().zip(&self.states).for_each(|(x, place)| *x = ends[*place]);
-                Ok(())
+                let mut step = |instance: &mut Instance| {
+                    instance.restart(&self.references, &values)?;
+                    instance.do_step(t)?;
+                    self.states.read(instance, x)
+                };
+                step(instance).map_err(external)
             }
         }
+    }
+
+    /// Writes the outputs in the state `x` under the input `u`.
+    pub(super) fn read(
+        &self,
+        copy: &mut Copy,
+        (x, u): (&[f64], &[f64]),
+        y: &mut [f64],
+    ) -> Result<(), OdeError> {
+        let values = self.begin(x, u);
+        let mut read = |instance: &mut Instance| self.outputs.read(instance, y);
+        let found = match copy {
+            Copy::ModelExchange(of) => {
+                let begun = of.equation.begin(&self.references, &values);
+                begun.and_then(|()| of.equation.look(read))
+            }
+            Copy::CoSimulation(instance) => {
+                instance.restart(&self.references, &values).and_then(|()| read(instance))
+            }
+        };
+        found.map_err(external)
     }
 }
 

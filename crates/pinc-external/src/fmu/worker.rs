@@ -14,9 +14,18 @@ pub(super) struct Job {
     /// The states of some points, and the inputs.
     pub(super) x: Vec<f64>,
     pub(super) u: Vec<f64>,
-    pub(super) duration_s: f64,
-    /// Whether the Jacobians A and B of all points are to follow the states.
-    pub(super) with_jacobians: bool,
+    pub(super) wanted: Wanted,
+}
+
+/// What is asked for of each point.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum Wanted {
+    /// The state after so many seconds.
+    States(f64),
+    /// The same of all points, and then the Jacobians A and B of all.
+    Jacobians(f64),
+    /// The outputs there.
+    Outputs,
 }
 
 type Outcome = Result<Vec<f64>, OdeError>;
@@ -50,7 +59,7 @@ impl Worker {
         Self { jobs: Some(jobs), outcomes, done, thread: Some(thread) }
     }
 
-    /// The states after the job's, and their Jacobians; `None` if no point is done for longer than
+    /// What the job asks for; `None` if no point is done for longer than
     /// `limit`.
     pub(super) fn ask(&mut self, job: Job, limit: Duration) -> Option<Outcome> {
         let ended = || external("the FMU's thread has ended");
@@ -93,15 +102,27 @@ fn work(
         None => instance.insert(simulation.start()?),
     };
     done.fetch_add(1, Ordering::Relaxed);
-    let Job { mut x, u, duration_s, with_jacobians } = job;
+    let Job { mut x, u, wanted } = job;
     let (dims, points) = (simulation.dims, u.len() / simulation.dims.nu);
-    if !with_jacobians {
-        for (x, u) in x.chunks_exact_mut(dims.nx).zip(u.chunks_exact(dims.nu)) {
-            simulation.step(copy, x, u, duration_s)?;
-            done.fetch_add(1, Ordering::Relaxed);
+    let duration_s = match wanted {
+        Wanted::States(duration_s) => {
+            for (x, u) in x.chunks_exact_mut(dims.nx).zip(u.chunks_exact(dims.nu)) {
+                simulation.step(copy, x, u, duration_s)?;
+                done.fetch_add(1, Ordering::Relaxed);
+            }
+            return Ok(x);
         }
-        return Ok(x);
-    }
+        Wanted::Outputs => {
+            let mut y = vec![0.0; points * dims.ny];
+            let each = x.chunks_exact(dims.nx).zip(u.chunks_exact(dims.nu));
+            for ((x, u), y) in each.zip(y.chunks_exact_mut(dims.ny)) {
+                simulation.read(copy, (x, u), y)?;
+                done.fetch_add(1, Ordering::Relaxed);
+            }
+            return Ok(y);
+        }
+        Wanted::Jacobians(duration_s) => duration_s,
+    };
     let Copy::ModelExchange(integrators) = copy else {
         return Err(external("co-simulation has no derivatives"));
     };

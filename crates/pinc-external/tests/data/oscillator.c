@@ -1,5 +1,6 @@
 /* An oscillator as an FMU for model exchange and for co-simulation, of FMI 2.0 and of FMI 3.0:
-   x1' = x2, x2' = k (1 - x1^2) x2 - x1 + u + t0, with t0 the time at which it begins. In version 3, x and w are arrays of two, and u is w[2]. Derivatives
+   x1' = x2, x2' = k (1 - x1^2) x2 - x1 + u + t0, with t0 the time at which it begins, and with the
+   output y = x1 x2 + 2 u, which exists after initialization. In version 3, x and w are arrays of two, and u is w[2]. Derivatives
    in k exist during initialization only, as the standard says of a fixed parameter; derivatives at
    states with x1 > 9 fail. */
 #include <math.h>
@@ -9,7 +10,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-enum { X = 1, RATE = 3, K = 5, U = 6 }; /* x1 is 1, x2 is 2; in version 3 an array is one reference */
+enum { X = 1, RATE = 3, K = 5, U = 6, Y = 7 }; /* x1 is 1, x2 is 2; in version 3 an array is one reference */
 enum { START, INITIALIZATION, EVENT, CONTINUOUS };
 enum { OK = 0, ERROR = 3 };
 
@@ -38,6 +39,10 @@ static int copy(Oscillator *o, int arrays, const unsigned *r, size_t n, double *
     for (size_t i = 0; i < n; i++) {
         size_t size;
         double *at = place(o, arrays, r[i], &size);
+        if (r[i] == Y && to && o->mode > INITIALIZATION) {
+            *to++ = o->x[0] * o->x[1] + 2 * o->w[1];
+            continue;
+        }
         if (!at || (from && r[i] == K && o->mode > INITIALIZATION)) return ERROR;
         if (from) memcpy(at, from, size * sizeof *at), from += size;
         else memcpy(to, at, size * sizeof *at), to += size;

@@ -195,6 +195,7 @@ fn derivatives_are_refused_where_there_are_none() {
     let plant = BlackBox {
         states: Plant::states(&VanDerPol::default()).to_vec(),
         inputs: Plant::inputs(&VanDerPol::default()).to_vec(),
+        outputs: Vec::new(),
         difference_steps: vec![1e-6; 3],
         flow: Arc::new(Unmoved),
     };

@@ -172,6 +172,7 @@ fn a_black_box_is_asked_for_its_derivatives_and_refused_without() {
     let of = |is_differentiable| BlackBox {
         states: vec![Variable::new("x", "")],
         inputs: vec![Variable::new("u", "")],
+        outputs: Vec::new(),
         difference_steps: vec![1e-6; 2],
         flow: Arc::new(Lag { is_differentiable }),
     };
