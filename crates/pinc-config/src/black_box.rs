@@ -128,6 +128,24 @@ impl PlantSpec {
     pub fn is_black_box(&self) -> bool {
         matches!(self, Self::Process(_) | Self::Fmu(_))
     }
+
+    /// The plant without an equation, if it is one and is allowed.
+    pub(crate) fn black_box(&self) -> Option<BlackBox> {
+        let (variables, nominal, difference_step, flow) = match self {
+            Self::Process(of) => {
+                ([&of.states, &of.inputs, &vec![]], &of.nominal, of.difference_step, &of.flow)
+            }
+            Self::Fmu(of) => {
+                ([&of.states, &of.inputs, &of.outputs], &of.nominal, of.difference_step, &of.flow)
+            }
+            _ => return None,
+        };
+        let [states, inputs, outputs] = variables.map(Vec::clone);
+        let size = |v: &Variable| nominal.get(&*v.name).copied().unwrap_or(1.0);
+        let difference_steps =
+            states.iter().chain(&inputs).map(|v| difference_step * size(v)).collect();
+        Some(BlackBox { states, inputs, outputs, difference_steps, flow: flow.0.clone()? })
+    }
 }
 
 impl ProcessSpec {
@@ -137,31 +155,6 @@ impl ProcessSpec {
         let time_limit = time_limit(self.time_limit_s);
         let flow = Process::new(self.command.clone(), dims, time_limit);
         self.flow = SharedFlow(Some(Arc::new(flow)));
-    }
-
-    /// The plant, if it is allowed.
-    pub(crate) fn build(&self) -> Option<BlackBox> {
-        self.flow.black_box(
-            [&self.states, &self.inputs, &Vec::new()],
-            &self.nominal,
-            self.difference_step,
-        )
-    }
-}
-
-impl SharedFlow {
-    fn black_box(
-        &self,
-        [states, inputs, outputs]: [&Vec<Variable>; 3],
-        nominal: &BTreeMap<String, f64>,
-        difference_step: f64,
-    ) -> Option<BlackBox> {
-        let flow = self.0.clone()?;
-        let size = |v: &Variable| nominal.get(&*v.name).copied().unwrap_or(1.0);
-        let step = |v| difference_step * size(v);
-        let difference_steps = states.iter().chain(inputs).map(step).collect();
-        let [states, inputs, outputs] = [states, inputs, outputs].map(Vec::clone);
-        Some(BlackBox { states, inputs, outputs, difference_steps, flow })
     }
 }
 
@@ -189,14 +182,5 @@ impl FmuSpec {
     pub(crate) fn bind(&mut self) {
         let flow = self.open().ok();
         self.flow = SharedFlow(flow.map(|fmu| -> Arc<dyn Flow> { Arc::new(fmu) }));
-    }
-
-    /// The plant, if it is allowed.
-    pub(crate) fn build(&self) -> Option<BlackBox> {
-        self.flow.black_box(
-            [&self.states, &self.inputs, &self.outputs],
-            &self.nominal,
-            self.difference_step,
-        )
     }
 }
