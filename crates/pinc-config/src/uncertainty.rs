@@ -33,7 +33,7 @@ pub struct UncertaintySpec {
     pub estimate: bool,
     /// Whether the error of the net counts: `true` takes its estimate as the limit in each stage,
     /// `"proven"` the bound in the certificate of the model file.
-    #[serde(default = "NetErrorSpec::none", skip_serializing_if = "NetErrorSpec::is_none")]
+    #[serde(default, skip_serializing_if = "NetErrorSpec::is_none")]
     pub net_error: NetErrorSpec,
     /// Feedback that is taken to act on deviations from the plan: `"riccati"`, the linear-quadratic
     /// regulator along the plan; `"none"`; or a matrix with one row per input.
@@ -83,12 +83,14 @@ impl NetErrorSpec {
     /// The proven bound.
     pub const PROVEN: Self = Self::Word(NetErrorWord::Proven);
 
-    fn none() -> Self {
-        Self::NONE
-    }
-
     pub(crate) fn is_none(&self) -> bool {
         *self == Self::NONE
+    }
+}
+
+impl Default for NetErrorSpec {
+    fn default() -> Self {
+        Self::NONE
     }
 }
 
