@@ -299,6 +299,10 @@ impl Plan {
                 }
             }
         }
+        if plan.loops.contains(&ModelKind::Pinc) {
+            // Before a training of minutes is in vain.
+            proof::check_ahead(experiment, plan.given.as_ref().map(|(_, net)| net))?;
+        }
         if !plan.loops.is_empty() && plan.given.is_none() && experiment.sample_time_s().is_none() {
             return Err(missing("model", "a closed loop without control.step_s"));
         }

@@ -209,6 +209,30 @@ pub(crate) fn matching(experiment: &Experiment, net: &PincNet) -> Result<Certifi
     Ok(found)
 }
 
+/// Whether the config asks for the proven error of its net.
+fn is_wanted(experiment: &Experiment) -> bool {
+    let uncertainty = experiment.control.as_ref().and_then(|control| control.uncertainty.as_ref());
+    uncertainty.is_some_and(|of| of.net_error == NetErrorSpec::PROVEN)
+}
+
+fn refused(experiment: &Experiment, reason: &str) -> RunError {
+    let problem = format!("control.uncertainty.net_error = \"proven\": {reason}");
+    RunError::usage(&experiment.name, problem)
+}
+
+/// Checks that there is a proven error where the config asks for it, of the net that is `given` or
+/// else trained.
+pub(crate) fn check_ahead(
+    experiment: &Experiment,
+    given: Option<&PincNet>,
+) -> Result<(), RunError> {
+    let training = experiment.training.as_ref().filter(|_| given.is_none());
+    if is_wanted(experiment) && training.is_some_and(|of| of.proven_tolerance.is_empty()) {
+        return Err(refused(experiment, "it needs training.proven_tolerance"));
+    }
+    limits(experiment, given).map(|_| ())
+}
+
 /// The error of a step of `net`, by state in its unit, that `net_error = "proven"` takes from its
 /// certificate; none where the config does not ask for it.
 ///
@@ -219,14 +243,8 @@ pub(crate) fn limits(
     experiment: &Experiment,
     net: Option<&PincNet>,
 ) -> Result<Option<Vec<f64>>, RunError> {
-    let uncertainty = experiment.control.as_ref().and_then(|control| control.uncertainty.as_ref());
-    let (Some(net), Some(NetErrorSpec::PROVEN)) = (net, uncertainty.map(|of| of.net_error)) else {
-        return Ok(None);
-    };
-    let found = matching(experiment, net).map_err(|reason| {
-        let problem = format!("control.uncertainty.net_error = \"proven\": {reason}");
-        RunError::usage(&experiment.name, problem)
-    })?;
+    let Some(net) = net.filter(|_| is_wanted(experiment)) else { return Ok(None) };
+    let found = matching(experiment, net).map_err(|reason| refused(experiment, &reason))?;
     let bound = |state: &String| found.proven.get(state).copied().unwrap_or(f64::INFINITY);
     Ok(Some(net.state_names().iter().map(bound).collect()))
 }

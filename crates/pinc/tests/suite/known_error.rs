@@ -274,6 +274,13 @@ fn a_proven_net_carries_its_certificate() {
     let as_boxes = control("boxes", model, &format!("boxes = {{ x1 = {x1}, x2 = {x2} }}")).1;
     assert_eq!(control("proven", model, proven).1, as_boxes);
     assert_ne!(control("tiny", model, "boxes = { x1 = 1e-9 }").1, as_boxes);
+    // Without a tolerance in the training there is nothing to wait for.
+    let uncertainty =
+        "control.uncertainty={ probability = \"worst-case\", net_error = \"proven\" }";
+    let run = ["run", "experiment.toml", "--out", "unproven", "--set", uncertainty];
+    outcome(pinc(&run).current_dir(dir.path()))
+        .assert_refused(&["control.uncertainty.net_error", "it needs training.proven_tolerance"]);
+    assert!(!dir.path().join("unproven/training.csv").exists());
     // What is generated from it says so.
     let export = ["export", "--model", model, "--to", "c", "--out", "c"];
     assert_eq!(outcome(pinc(&export).current_dir(dir.path())).code, Some(0));
