@@ -8,6 +8,7 @@
 //! For a plant with the states `T[20]` and `E`, a list of states is `[300.0, 0.0]`, with the first
 //! number for all elements of `T`, or `[[300.0, 301.0, ..], 0.0]`, or a list of 21 numbers.
 
+use crate::explain::explain;
 use crate::layers;
 use crate::plant::PlantSpec;
 use crate::plants::Plants;
@@ -122,13 +123,22 @@ pub(crate) fn write_out(table: &mut Table, plants: &Plants) -> Checked<AsWritten
     Ok(AsWritten(lists.written))
 }
 
-/// The names of a plant with arrays, or of any plant if a list is written by name. Of a section that
-/// is no plant nothing is said here.
+/// The section of the plant without the others.
+#[derive(Deserialize)]
+struct Alone {
+    plant: PlantSpec,
+}
+
+/// The names of a plant with arrays, or of any plant if a list is written by name.
 fn named(table: &mut Table, plants: &Plants) -> Checked<Option<Named>> {
     let by_name = has_tables(table);
     let plant = table.get("plant").cloned();
     let plant = plant.filter(|plant| by_name || plant.get("expression").is_some());
-    let Some(Ok(mut plant)) = plant.map(PlantSpec::deserialize) else { return Ok(None) };
+    let Some(plant) = plant else { return Ok(None) };
+    // Lists by name cannot be read without the names, and would be complained of before the plant.
+    let alone = Value::Table(Table::from_iter([("plant".to_owned(), plant)]));
+    let read = serde_path_to_error::deserialize(alone);
+    let Alone { mut plant } = read.map_err(|error| explain(&error))?;
     plant.bind(plants);
     let names = |variables: &[Variable]| -> Vec<String> {
         variables.iter().map(|variable| variable.name.to_string()).collect()

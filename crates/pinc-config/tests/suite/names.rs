@@ -85,6 +85,15 @@ fn names_that_are_unknown_or_missing_are_reported() {
             ["control.state_high[0]", "NaN", "a finite number"],
         ),
         ("control.input_high=[inf, 1.0]", ["control.input_high[0]", "inf", "a finite number"]),
+        // Without a plant there are no names, and the plant is what is wrong.
+        (
+            "plant.expression.outputs.level={ unit = \"m\", equation = \"h1\" }",
+            ["plant.expression.outputs.level", "an expression, or a table", "{ expression, unit }"],
+        ),
+        (
+            "plant.expression.stats=[\"h1\"]",
+            ["plant.expression.stats", "unknown key", "did you mean `states`"],
+        ),
     ] {
         let message = with(set).unwrap_err();
         for part in parts {
