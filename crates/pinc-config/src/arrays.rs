@@ -16,7 +16,7 @@ use crate::problem::{Problem, nearest};
 use crate::validate;
 use pinc_expr::Equations;
 use pinc_ode::Variable;
-use serde::Deserialize;
+use std::collections::BTreeMap;
 use std::ops::Range;
 use toml::{Table, Value};
 
@@ -123,22 +123,16 @@ pub(crate) fn write_out(table: &mut Table, plants: &Plants) -> Checked<AsWritten
     Ok(AsWritten(lists.written))
 }
 
-/// The section of the plant without the others.
-#[derive(Deserialize)]
-struct Alone {
-    plant: PlantSpec,
-}
-
 /// The names of a plant with arrays, or of any plant if a list is written by name.
 fn named(table: &mut Table, plants: &Plants) -> Checked<Option<Named>> {
     let by_name = has_tables(table);
     let plant = table.get("plant").cloned();
     let plant = plant.filter(|plant| by_name || plant.get("expression").is_some());
-    let Some(plant) = plant else { return Ok(None) };
     // Lists by name cannot be read without the names, and would be complained of before the plant.
-    let alone = Value::Table(Table::from_iter([("plant".to_owned(), plant)]));
-    let read = serde_path_to_error::deserialize(alone);
-    let Alone { mut plant } = read.map_err(|error| explain(&error))?;
+    let alone = Value::Table(plant.map(|plant| ("plant".to_owned(), plant)).into_iter().collect());
+    let mut read: BTreeMap<String, PlantSpec> =
+        serde_path_to_error::deserialize(alone).map_err(|error| explain(&error))?;
+    let Some(mut plant) = read.remove("plant") else { return Ok(None) };
     plant.bind(plants);
     let names = |variables: &[Variable]| -> Vec<String> {
         variables.iter().map(|variable| variable.name.to_string()).collect()
