@@ -75,6 +75,9 @@ pub struct FmuSpec {
     /// Initial values of other variables in the file, by name.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub parameters: BTreeMap<String, f64>,
+    /// Time at which each step begins, in s.
+    #[serde(default)]
+    pub start_time_s: f64,
     /// Whether Jacobians are made of the file's directional derivatives where it has them, rather than of
     /// finite differences.
     #[serde(default = "directional_derivatives")]
@@ -172,6 +175,7 @@ impl FmuSpec {
             inputs: self.inputs.iter().map(named).collect(),
             outputs: self.outputs.iter().map(named).collect(),
             parameters: self.parameters.clone().into_iter().collect(),
+            start_s: self.start_time_s,
             directional_derivatives: self.directional_derivatives,
             time_limit: time_limit(self.time_limit_s),
         };

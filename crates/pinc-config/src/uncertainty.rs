@@ -33,7 +33,7 @@ pub struct UncertaintySpec {
     pub estimate: bool,
     /// Whether the error of the net counts: `true` takes its estimate as the limit in each stage,
     /// `"proven"` the bound in the certificate of the model file.
-    #[serde(default, skip_serializing_if = "NetErrorSpec::is_none")]
+    #[serde(default, skip_serializing_if = "is_default")]
     pub net_error: NetErrorSpec,
     /// Feedback that is taken to act on deviations from the plan: `"riccati"`, the linear-quadratic
     /// regulator along the plan; `"none"`; or a matrix with one row per input.
@@ -82,10 +82,6 @@ impl NetErrorSpec {
     pub const NONE: Self = Self::Estimated(false);
     /// The proven bound.
     pub const PROVEN: Self = Self::Word(NetErrorWord::Proven);
-
-    pub(crate) fn is_none(&self) -> bool {
-        *self == Self::NONE
-    }
 }
 
 impl Default for NetErrorSpec {
@@ -120,8 +116,8 @@ impl Default for FeedbackSpec {
     }
 }
 
-fn is_default(of: &FeedbackSpec) -> bool {
-    *of == FeedbackSpec::default()
+fn is_default<T: Default + PartialEq>(of: &T) -> bool {
+    *of == T::default()
 }
 
 /// What a tube is made from beside the config.

@@ -116,6 +116,7 @@ fn plant(states: [&str; 2], input: &str) -> FmuPlant {
         inputs: vec![input.to_owned()],
         outputs: Vec::new(),
         parameters: Vec::new(),
+        start_s: 0.0,
         directional_derivatives: true,
         time_limit: Duration::from_secs(60),
     }
@@ -203,10 +204,10 @@ fn each_input_has_a_column_of_its_own_in_the_jacobian() {
     }
 }
 
-/// By both interfaces: what depends on time does so from 0, and a parameter is not what the FMU has
-/// by itself.
+/// By both interfaces: what depends on time does so from the start time, and a parameter is not what
+/// the FMU has by itself.
 #[test]
-fn a_step_begins_at_time_zero_with_the_parameters_given() {
+fn a_step_begins_at_its_start_time_with_the_parameters_given() {
     for (version, description, states, force) in
         [(2, TWO, ["x1", "x2"], "u"), (3, THREE, ["x[1]", "x[2]"], "w[2]")]
     {
@@ -218,15 +219,20 @@ fn a_step_begins_at_time_zero_with_the_parameters_given() {
             };
             let path = fmu(dir.path(), version, &own);
             let parameters = vec![("k".to_owned(), 2.5)];
-            let given = FmuPlant { kind: Some(kind), parameters, ..plant(states, force) };
-            let fmu = Fmu::open(&path, &given).unwrap();
-            let (mut found, mut truth) = (X, Rk4::new(Oscillator, 0.45, 400));
-            fmu.advance(&mut found, &U, 0.45).unwrap();
-            for (k, found) in found.chunks(2).enumerate() {
-                let mut expected = [0.0; 2];
-                truth.step(&X[2 * k..2 * k + 2], &[2.5, U[k]], &[], &mut expected);
-                for (a, b) in found.iter().zip(expected) {
-                    assert!((a - b).abs() < 2e-9, "{version} {kind:?} {k}: {a} {b}");
+            for start_s in [0.0, 0.375] {
+                let (kind, parameters) = (Some(kind), parameters.clone());
+                let given = FmuPlant { kind, parameters, start_s, ..plant(states, force) };
+                let fmu = Fmu::open(&path, &given).unwrap();
+                let (mut found, mut truth) = (X, Rk4::new(Oscillator, 0.45, 400));
+                fmu.advance(&mut found, &U, 0.45).unwrap();
+                for (k, found) in found.chunks(2).enumerate() {
+                    let mut expected = [0.0; 2];
+                    // The FMU adds the time at which it begins to its force.
+                    let u = [2.5, U[k] + start_s];
+                    truth.step(&X[2 * k..2 * k + 2], &u, &[], &mut expected);
+                    for (a, b) in found.iter().zip(expected) {
+                        assert!((a - b).abs() < 2e-9, "{version} {kind:?} {k}: {a} {b}");
+                    }
                 }
             }
         }

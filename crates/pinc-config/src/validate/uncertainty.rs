@@ -4,7 +4,9 @@ use super::values::{length, not_negative, value};
 use super::{Checked, Problem};
 use crate::problem::nearest;
 use crate::registry::Variables;
-use crate::{ControlSpec, Experiment, FeedbackSpec, ModelKind, OnError, UncertaintySpec};
+use crate::{
+    ControlSpec, Experiment, FeedbackSpec, ModelKind, NetErrorSpec, OnError, UncertaintySpec,
+};
 
 const SECTION: &str = "control.uncertainty";
 
@@ -84,11 +86,11 @@ fn sources(spec: &UncertaintySpec, control: &ControlSpec, variables: &Variables)
     if spec.estimate && control.estimator.is_none() {
         return value(&key("estimate"), true, "[control.estimator], which has a covariance");
     }
-    if !spec.net_error.is_none() && !control.models.contains(&ModelKind::Pinc) {
+    if spec.net_error != NetErrorSpec::NONE && !control.models.contains(&ModelKind::Pinc) {
         return value(&key("net_error"), "the error of a net", "\"pinc\" among control.models");
     }
     let nothing = spec.process_sd.is_empty() && spec.boxes.is_empty() && spec.parameters.is_empty();
-    if nothing && !spec.estimate && spec.net_error.is_none() {
+    if nothing && !spec.estimate && spec.net_error == NetErrorSpec::NONE {
         let expected = "one of process_sd, boxes, parameters, estimate = true, net_error";
         return value(SECTION, "nothing uncertain", expected);
     }

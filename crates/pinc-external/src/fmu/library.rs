@@ -297,6 +297,8 @@ unsafe fn functions_of_three(library: &Library) -> Result<Functions, String> {
 pub(super) struct Instance {
     binary: Arc<Binary>,
     handle: Handle,
+    /// When each step begins.
+    start_s: f64,
     /// What it was told, which it may keep.
     _texts: [CString; 3],
     _callbacks: Box<Callbacks>,
@@ -324,7 +326,7 @@ impl Instance {
     /// A new instance; `resources` is the path of the FMU's directory of that name.
     pub(super) fn new(
         binary: &Arc<Binary>,
-        kind: FmuKind,
+        (kind, start_s): (FmuKind, f64),
         token: &str,
         resources: &Path,
     ) -> Result<Self, String> {
@@ -380,7 +382,7 @@ impl Instance {
         if handle.is_null() {
             return Err(checked("instantiation", DISCARD).err().unwrap_or_default());
         }
-        Ok(Self { binary: binary.clone(), handle, _texts: texts, _callbacks: callbacks })
+        Ok(Self { binary: binary.clone(), handle, start_s, _texts: texts, _callbacks: callbacks })
     }
 
     /// Begins again at time 0 with these start values.
@@ -399,12 +401,13 @@ impl Instance {
             self.set(references, values)?;
             match &of.versioned {
                 Versioned::Fmi2(own) => {
-                    checked("set-up", (own.set_up)(self.handle, 0, 0.0, 0.0, 0, 0.0))?;
+                    checked("set-up", (own.set_up)(self.handle, 0, 0.0, self.start_s, 0, 0.0))?;
                     checked("initialization", (own.enter_initialization)(self.handle))?;
                 }
                 Versioned::Fmi3(own) => {
                     let enter = own.enter_initialization;
-                    checked("initialization", enter(self.handle, false, 0.0, 0.0, false, 0.0))?;
+                    let status = enter(self.handle, false, 0.0, self.start_s, false, 0.0);
+                    checked("initialization", status)?;
                 }
             }
         }
@@ -451,7 +454,7 @@ impl Instance {
         checked("reading of variables", status)
     }
 
-    /// Lets the FMU integrate itself from time 0.
+    /// Lets the FMU integrate itself from the start.
     pub(super) fn do_step(&mut self, duration_s: f64) -> Result<(), String> {
         let what = "co-simulation";
         let (mut event, mut end, mut early, mut last) = (false, false, false, 0.0);
@@ -460,13 +463,13 @@ impl Instance {
             match &self.binary.functions.versioned {
                 Versioned::Fmi2(of) => {
                     let step = of.do_step.ok_or_else(|| missing(what))?;
-                    step(self.handle, 0.0, duration_s, 1)
+                    step(self.handle, self.start_s, duration_s, 1)
                 }
                 Versioned::Fmi3(of) => {
                     let step = of.do_step.ok_or_else(|| missing(what))?;
                     let (event, end) = (&raw mut event, &raw mut end);
                     let (early, last) = (&raw mut early, &raw mut last);
-                    step(self.handle, 0.0, duration_s, true, event, end, early, last)
+                    step(self.handle, self.start_s, duration_s, true, event, end, early, last)
                 }
             }
         };

@@ -36,13 +36,15 @@ pub struct FmuPlant {
     pub outputs: Vec<String>,
     /// Other variables, with the values that they start with.
     pub parameters: Vec<(String, f64)>,
+    /// The time at which each step begins, in s.
+    pub start_s: f64,
     /// Whether its directional derivatives are used, where it has them.
     pub directional_derivatives: bool,
     /// How long a step may take; the first includes the loading of the binary.
     pub time_limit: Duration,
 }
 
-/// An FMU as a plant. Each step begins at time 0 in the state that is asked for: the FMU's memory
+/// An FMU as a plant. Each step begins at the start time in the state that is asked for: the FMU's memory
 /// is its states, and it does not depend on time.
 ///
 /// By model exchange its derivatives are integrated with [`Dopri5`](pinc_ode::Dopri5), and where it has directional

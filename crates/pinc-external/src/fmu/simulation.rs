@@ -18,6 +18,7 @@ const TOLERANCE: f64 = 1e-10;
 pub(super) struct Simulation {
     pub(super) dims: Dims,
     kind: FmuKind,
+    start_s: f64,
     description: Description,
     unpacked: PathBuf,
     /// What is set at the start: the variables, their values, and where among these are states and
@@ -125,6 +126,7 @@ impl Simulation {
         Ok(Self {
             dims,
             kind,
+            start_s: plant.start_s,
             description,
             unpacked: unpacked.to_owned(),
             references,
@@ -175,7 +177,7 @@ impl Simulation {
         let token = &self.description.token;
         let instance = self
             .binary()
-            .and_then(|binary| Instance::new(&binary, self.kind, token, &resources))
+            .and_then(|binary| Instance::new(&binary, (self.kind, self.start_s), token, &resources))
             .map_err(external)?;
         Ok(match self.kind {
             FmuKind::CoSimulation => Copy::CoSimulation(instance),

@@ -93,8 +93,7 @@ static int advance(void *c, double from, double length)
 {
     static const double at[4] = {0, 0.5, 0.5, 1}, weight[4] = {1, 2, 2, 1};
     Oscillator *o = c;
-    if (o->mode != EVENT) return ERROR;
-    o->begin += from;
+    if (o->mode != EVENT || from != o->begin) return ERROR;
     for (int n = 0; n < 400; n++) {
         double x[2] = {o->x[0], o->x[1]}, next[2] = {o->x[0], o->x[1]}, k[2] = {0, 0};
         for (int s = 0; s < 4; s++) {
