@@ -25,7 +25,7 @@ const LONGEST_HOLD: usize = 60;
 pub struct ShrinkOptions {
     /// Neurons in each of the two hidden layers.
     pub neurons: usize,
-    /// Plans to train on, about.
+    /// Plans to make and train on.
     pub samples: usize,
     /// The most iterations of the training.
     pub iterations: usize,

@@ -56,26 +56,23 @@ fn runge_kutta(model: RungeKuttaModel<'_>) -> Result<String, ExportError> {
     #[expect(clippy::cast_precision_loss, reason = "substeps are few")]
     let h = model.sample_time_s / model.substeps as f64;
     let rows = tableau.rows();
+    let nx = listing.results.len();
     let mut stages = String::new();
     for (s, row) in rows.iter().enumerate() {
-        let to = if s + 1 < rows.len() { "stage" } else { "x" };
-        let from = if s == 0 { "x" } else { "stage" };
-        if s > 0 {
-            let mut sum = "x[i]".to_owned();
+        let [from, to] = [s == 0, s + 1 == rows.len()].map(|own| if own { "x" } else { "stage" });
+        // A line for each state: loops over a few states are not unrolled at -O2.
+        for i in (0..nx).filter(|_| s > 0) {
+            let mut sum = format!("x[{i}]");
             for (k, weight) in row.iter().enumerate().filter(|(_, weight)| **weight != 0.0) {
-                sum = format!("({sum} + (slopes[{k}][i] * PINC_N({})))", constant(h * weight));
+                sum = format!("({sum} + (slopes[{k}][{i}] * PINC_N({})))", constant(h * weight));
             }
-            let _ = writeln!(
-                stages,
-                "            for (i = 0; i < PINC_NX; i++) {{\n                {to}[i] = {sum};\n            \
-                 }}"
-            );
+            let _ = writeln!(stages, "            {to}[{i}] = {sum};");
         }
         if s + 1 < rows.len() {
             let _ = writeln!(stages, "            pinc_derivative_at({from}, u, slopes[{s}]);");
         }
     }
-    let body = lane_values(&listing, listing.results.len(), "dx");
+    let body = lane_values(&listing, nx, "dx");
     let filled = include_str!("../templates/lanes_runge_kutta.c")
         .replace("@STAGES@", &(rows.len() - 1).to_string())
         .replace("@SUBSTEPS@", &model.substeps.to_string())

@@ -4,7 +4,6 @@ static void pinc_advance(pinc_vector z[PINC_GROUPS][PINC_ROW])
 {
     int substep;
     int g;
-    int i;
     for (substep = 0; substep < @SUBSTEPS@; substep++) {
         for (g = 0; g < PINC_GROUPS; g++) {
             pinc_vector *x = z[g];

@@ -1,9 +1,9 @@
 //! A net with its check as C.
 
 use crate::Policy;
-use crate::check::size;
+use crate::check::{Limit, limits, place, size, urgency};
 use pinc_export::{Controller, ExportError, GeneratedFile, ModelSource, Name, lanes_to_c};
-use pinc_mpc::{Nmpc, Tracked};
+use pinc_mpc::Nmpc;
 use std::fmt::Write as _;
 
 /// The header and the source, filled with names by `fill`.
@@ -32,6 +32,7 @@ pub fn policy_to_c(
     let mut tables = Tables::default();
     tables.numbers("weights", &weights(policy), " + PINC_BLOCK");
     let outputs = problem.tracked.len();
+    let count = if problem.uses_outputs() { dims.ny } else { 0 };
     let q = (1..=horizon).map(|j| match j < problem.n1 {
         true => vec![0.0; outputs * outputs],
         false => program.tracking_weight(j).iter().map(|q| 0.5 * q).collect(),
@@ -42,32 +43,27 @@ pub fn policy_to_c(
         (0..dims.nu * dims.nu).map(entry).collect()
     });
     tables.matrices("r", &r.collect::<Vec<_>>(), dims.nu);
-    let place = |tracked: &Tracked| match *tracked {
-        Tracked::State(state) => state,
-        Tracked::Input(input) => dims.nx + input,
-        Tracked::Output(output) => dims.nx + dims.nu + output,
-    };
-    tables.places("tracked", &problem.tracked.iter().map(place).collect::<Vec<_>>());
-    let bounds = &problem.state_bounds;
-    let ends = |j: usize, i: usize| {
-        let at = (j * dims.nx + i) % bounds.low.len();
-        (bounds.low[at], bounds.high[at])
-    };
+    let tracked = problem.tracked.iter().map(|tracked| place(*tracked, dims));
+    tables.places("tracked", &tracked.collect::<Vec<_>>());
+    let stages: Vec<Vec<Limit>> = (1..=horizon).map(|j| limits(nmpc, j)).collect();
     let is_bounded = |i: &usize| {
-        (0..horizon).map(|j| ends(j, *i)).any(|(low, high)| low.is_finite() || high.is_finite())
+        stages.iter().any(|stage| stage[*i].low.is_finite() || stage[*i].high.is_finite())
     };
-    let bounded: Vec<usize> = (0..dims.nx).filter(is_bounded).collect();
-    let rows: Vec<(f64, f64)> =
-        (0..horizon).flat_map(|j| bounded.iter().map(move |i| ends(j, *i))).collect();
-    tables.count("BOUNDED", bounded.len());
-    tables.places("bounded", &bounded);
+    let bounded = (0..stages[0].len()).filter(is_bounded);
+    let (starts, ends): (Vec<_>, Vec<_>) = bounded.partition(|i| stages[0][*i].at_start);
+    tables.count("BOUNDED_ENDS", ends.len());
+    tables.count("BOUNDED", ends.len() + starts.len());
+    let bounded = [ends, starts].concat();
+    tables.places("bounded", &bounded.iter().map(|i| stages[0][*i].place).collect::<Vec<_>>());
+    let scale = |j: usize, of: &Limit| urgency(horizon, j + 1) / size(of.low, of.high);
     for (name, of) in [
-        ("low", &(|low, _| low) as &dyn Fn(f64, f64) -> f64),
-        ("high", &|_, high| high),
-        ("scale", &|low, high| 1.0 / size(low, high)),
+        ("low", &(|_, of: &Limit| of.low) as &dyn Fn(usize, &Limit) -> f64),
+        ("high", &|_, of: &Limit| of.high),
+        ("scale", &scale),
     ] {
-        let values: Vec<f64> = rows.iter().map(|(low, high)| of(*low, *high)).collect();
-        tables.numbers(&format!("bound_{name}"), &values, "");
+        let rows = stages.iter().enumerate();
+        let values = rows.flat_map(|(j, stage)| bounded.iter().map(move |i| of(j, &stage[*i])));
+        tables.numbers(&format!("bound_{name}"), &values.collect::<Vec<_>>(), "");
     }
     for (name, bounds) in
         [("input", &policy.limits.bounds), ("increment", &policy.limits.increments)]
@@ -86,7 +82,7 @@ pub fn policy_to_c(
             ("@FUNCTIONS@", functions.as_str()),
             ("@TABLES@", &tables.text),
             ("@MODEL@", model),
-            ("@OUTPUTS@", "0"),
+            ("@OUTPUTS@", &count.to_string()),
             ("@LAYERS@", &widths.len().to_string()),
             ("@WIDTHS@", &list.join(", ")),
             ("@WIDEST@", &widths.iter().max().copied().unwrap_or(1).to_string()),

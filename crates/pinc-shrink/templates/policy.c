@@ -6,11 +6,10 @@
 /* A plan breaks its bounds if it is outside by more than this part of their size. */
 #define TOLERANCE PINC_N(1e-6)
 
-/* Plans are rated side by side: the shifted one, and those a quarter, half and all of the way from
-   it to the net's. */
+/* Plans are rated side by side: the shifted one, which holds its last input; the same with the last
+   input of the net's; the one halfway between that and the net's; and the net's. */
 #define PINC_POINTS 4
 #define PINC_GROUPS ((PINC_POINTS + PINC_LANES - 1) / PINC_LANES)
-static const int quarters[PINC_POINTS] = {0, 1, 2, 4};
 
 /* States, inputs and outputs of a point. */
 #define PINC_ROW (PINC_NX + PINC_NU + @OUTPUTS@)
@@ -98,6 +97,22 @@ void pinc_policy_plan(const PINC_REAL x[PINC_NX], const PINC_REAL reference[PINC
     project(u_before, plan);
 }
 
+/* By how much points of interval j are outside bounds; later ones count less. */
+static void limit(pinc_vector z[PINC_GROUPS][PINC_ROW], int j, int first, int end,
+                  pinc_vector violation[PINC_GROUPS])
+{
+    int g;
+    int n;
+    for (g = 0; g < PINC_GROUPS; g++) {
+        for (n = first; n < end; n++) {
+            const pinc_vector value = z[g][bounded[n]];
+            const int at = (j * BOUNDED) + n;
+            const pinc_vector outside = pinc_larger(bound_low[at] - value, value - bound_high[at]);
+            violation[g] = pinc_larger(outside * bound_scale[at], violation[g]);
+        }
+    }
+}
+
 /* The costs of plans by rollouts of the model, and by how much they break the bounds. */
 static void rate(const PINC_REAL start[PINC_NX], const PINC_REAL reference[PINC_POLICY_TRACKED],
                  const PINC_REAL u_before[PINC_NU],
@@ -109,7 +124,7 @@ static void rate(const PINC_REAL start[PINC_NX], const PINC_REAL reference[PINC_
     pinc_vector z[PINC_GROUPS][PINC_ROW];
     pinc_vector change[PINC_NU];
     pinc_vector error[PINC_POLICY_TRACKED];
-    /* 0, or no number if a state is not finite. */
+    /* 0, or no number if something is not finite. */
     pinc_vector finite[PINC_GROUPS];
     int g;
     int i;
@@ -136,16 +151,18 @@ static void rate(const PINC_REAL start[PINC_NX], const PINC_REAL reference[PINC_
                 cost[g] += change[r_row[n]] * change[r_column[n]] * r[(j * R_ENTRIES) + n];
             }
         }
+#if BOUNDED > BOUNDED_ENDS
+        pinc_outputs_of(z);
+        limit(z, j, BOUNDED_ENDS, BOUNDED, violation);
+#endif
         pinc_advance(z);
+#if @OUTPUTS@ > 0
+        pinc_outputs_of(z);
+#endif
+        limit(z, j, 0, BOUNDED_ENDS, violation);
         for (g = 0; g < PINC_GROUPS; g++) {
-            for (i = 0; i < PINC_NX; i++) {
+            for (i = 0; i < PINC_ROW; i++) {
                 finite[g] += z[g][i] - z[g][i];
-            }
-            for (n = 0; n < BOUNDED; n++) {
-                const pinc_vector value = z[g][bounded[n]];
-                const int at = (j * BOUNDED) + n;
-                const pinc_vector outside = pinc_larger(bound_low[at] - value, value - bound_high[at]);
-                violation[g] = pinc_larger(outside * bound_scale[at], violation[g]);
             }
             for (i = 0; i < PINC_POLICY_TRACKED; i++) {
                 error[i] = z[g][tracked[i]] - reference[i];
@@ -170,10 +187,17 @@ void pinc_policy_reset(pinc_policy *policy, const PINC_REAL u[PINC_NU])
     policy->planned = 0;
 }
 
+void pinc_policy_begin(pinc_policy *policy, const PINC_REAL plan[PINC_POLICY_INPUTS])
+{
+    memcpy(policy->plan, plan, sizeof(policy->plan));
+    policy->planned = 0;
+}
+
 int pinc_policy_step(pinc_policy *policy, const PINC_REAL x[PINC_NX],
                      const PINC_REAL reference[PINC_POLICY_TRACKED], PINC_REAL u[PINC_NU])
 {
     PINC_REAL candidate[PINC_POLICY_INPUTS];
+    PINC_REAL trial[PINC_POLICY_INPUTS];
     pinc_vector plans[PINC_GROUPS][PINC_POLICY_INPUTS];
     pinc_vector costs[PINC_GROUPS];
     pinc_vector violations[PINC_GROUPS];
@@ -191,26 +215,31 @@ int pinc_policy_step(pinc_policy *policy, const PINC_REAL x[PINC_NX],
     project(policy->u, policy->plan);
     pinc_policy_plan(x, reference, policy->u, candidate);
     for (k = 0; k < PINC_GROUPS * PINC_LANES; k++) {
-        const PINC_REAL part = PINC_N(0.25) * (PINC_REAL)quarters[k % PINC_POINTS];
+        static const PINC_REAL parts[PINC_POINTS] = {PINC_N(0), PINC_N(0), PINC_N(0.5), PINC_N(1)};
+        const int plan = k % PINC_POINTS;
         for (i = 0; i < PINC_POLICY_INPUTS; i++) {
-            PINC_LANE(plans[k / PINC_LANES][i], k % PINC_LANES) =
-                ((PINC_N(1) - part) * policy->plan[i]) + (part * candidate[i]);
+            const int is_last = (plan > 0) & (i >= PINC_POLICY_INPUTS - PINC_NU);
+            const PINC_REAL part = is_last ? PINC_N(1) : parts[plan];
+            trial[i] = ((PINC_N(1) - part) * policy->plan[i]) + (part * candidate[i]);
+        }
+        project(policy->u, trial);
+        for (i = 0; i < PINC_POLICY_INPUTS; i++) {
+            PINC_LANE(plans[k / PINC_LANES][i], k % PINC_LANES) = trial[i];
         }
     }
     rate(x, reference, policy->u, plans, costs, violations);
     for (k = 1; k < PINC_POINTS; k++) {
-        const int better = (violation[k] < larger(violation[0], TOLERANCE)) &
-                           ((violation[0] >= TOLERANCE) | (cost[k] <= cost[0]));
+        const PINC_REAL own = larger(violation[k], TOLERANCE);
+        const PINC_REAL best = larger(violation[taken], TOLERANCE);
+        const int better = (own < best) | ((own <= best) & (cost[k] < cost[taken]));
         taken = better ? k : taken;
     }
     for (i = 0; i < PINC_POLICY_INPUTS; i++) {
         policy->plan[i] = PINC_LANE(plans[taken / PINC_LANES][i], taken % PINC_LANES);
     }
-    /* Between two plans within the bounds all are, except for rounding. */
-    project(policy->u, policy->plan);
     for (i = 0; i < PINC_NU; i++) {
         policy->u[i] = policy->plan[i];
         u[i] = policy->plan[i];
     }
-    return quarters[taken];
+    return taken;
 }
