@@ -108,7 +108,6 @@ const CRATES: [(&str, &[&str]); 29] = [
         &[
             "pinc-choose",
             "pinc-config",
-            "pinc-export",
             "pinc-mpc",
             "pinc-net",
             "pinc-ode",
