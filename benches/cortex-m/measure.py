@@ -2,7 +2,7 @@
 
     python3 benches/cortex-m/measure.py DIR...
 
-Each DIR is an export of `pinc export --to c`. Needs gcc-arm-none-eabi, libnewlib-arm-none-eabi and
+Each DIR is an export of `pinc export --to c` or a result of `pinc shrink`. Needs gcc-arm-none-eabi, libnewlib-arm-none-eabi and
 qemu-system-arm. QEMU counts instructions, not cycles. ROM is code and tables of the generated files, without
 the functions of libm; RAM is the controller's struct; the worst call of the self-test counts.
 """
@@ -21,13 +21,25 @@ BOARDS = {
 }
 WRAPPER = """
 #include "{header}"
-static cost cost_of_{function} = {{"{function}", 0, 0}};
+static cost cost_of_{function} = {{"{function}", 0, 0, 0}};
 {result} __real_{function}({parameters});
 {result} __wrap_{function}({parameters})
 {{
     {result_value}
     MEASURE(cost_of_{function}, {assign}__real_{function}({arguments}));
+    {also}
     {give}
+}}
+"""
+# The decision of a net in place of the controller, in the situations of the controller's steps.
+POLICY = """
+#include "{n}_policy.h"
+static cost cost_of_{n}_policy_step = {{"{n}_policy_step", 0, 0, 0}};
+static {n}_policy policy;
+static void decide(const {N}_REAL *x, const {N}_REAL *r)
+{{
+    {N}_REAL u[{N}_NU];
+    MEASURE(cost_of_{n}_policy_step, (void){n}_policy_step(&policy, x, r, u));
 }}
 """
 SHAPES = {
@@ -53,10 +65,10 @@ def run(*command, cwd=None):
     return done.stdout
 
 
-def measured(name, kind):
+def measured(name, kind, has_policy):
     """The header of the measured functions, for an export of this kind."""
     functions = ["net_step", "net_linearize"] if kind == "net" else [f"{kind}_step"]
-    text, reports = "", ""
+    text, reports = POLICY.format(n=name, N=name.upper()) if has_policy else "", ""
     for short in functions:
         result, parameters, arguments = (t.format(n=name, N=name.upper()) for t in SHAPES[short])
         function = f"{name}_{short}"
@@ -70,11 +82,18 @@ def measured(name, kind):
             result_value=f"{result} result;" if value else "",
             assign="result = " if value else "",
             give="return result;" if value else "",
+            also="decide(x, r);" if has_policy else "",
         )
-        reports += f'    printf("{function} %lu %lu\\n", (unsigned long)(cost_of_{function}.ticks * 10 / 16), (unsigned long)cost_of_{function}.stack);\n'
-    ram = "0" if kind == "net" else f"sizeof({name}_{kind})"
-    text += f'static void report(void)\n{{\n{reports}    printf("ram %lu\\n", (unsigned long){ram});\n}}\n'
-    return text, [f"{name}_{short}" for short in functions]
+    own = [f"{name}_{short}" for short in functions]
+    measured = own + ([f"{name}_policy_step"] if has_policy else [])
+    for function in measured:
+        kept = "policy" if function.endswith("_policy_step") else kind
+        ram = "0" if kept == "net" else f"sizeof({name}_{kept})"
+        ticks = [f"(unsigned long)(cost_of_{function}.{field} * 10 / 16)" for field in ("ticks", "fewest")]
+        values = ", ".join([*ticks, f"(unsigned long)cost_of_{function}.stack", f"(unsigned long){ram}"])
+        reports += f'    printf("{function} %lu %lu %lu %lu\\n", {values});\n'
+    text += f"static void report(void)\n{{\n{reports}}}\n"
+    return text, own, measured
 
 
 def measure(directory):
@@ -84,7 +103,8 @@ def measure(directory):
     sources = [f for f in sorted(directory.glob("*.c")) if f != selftest]
     kinds = ("feedback", "mpc", "net")
     kind = next(kind for kind in kinds if (directory / f"{name}_{kind}.c").exists())
-    header, functions = measured(name, kind)
+    has_policy = (directory / f"{name}_policy.c").exists()
+    header, wrapped, functions = measured(name, kind, has_policy)
     for title, (board, cpu, fpu, real) in BOARDS.items():
         with tempfile.TemporaryDirectory() as work:
             (Path(work) / "measured.h").write_text(header)
@@ -97,8 +117,8 @@ def measure(directory):
                 run("arm-none-eabi-gcc", *flags, *own, "-c", source, "-o", target)
                 objects.append(target)
             sizes = run("arm-none-eabi-size", *objects[: len(sources)]).splitlines()[1:]
-            rom = sum(int(line.split()[0]) + int(line.split()[1]) for line in sizes)
-            wraps = [f"-Wl,--wrap={function}" for function in functions]
+            rom = {source.stem: sum(map(int, line.split()[:2])) for source, line in zip(sources, sizes)}
+            wraps = [f"-Wl,--wrap={function}" for function in wrapped]
             run(
                 "arm-none-eabi-gcc", *flags, *objects, *wraps, "--specs=rdimon.specs", "-nostartfiles",
                 f"-T{HERE / 'link.ld'}", "-lm", "-lc", "-lrdimon", "-lgcc", "-o", Path(work) / "x.elf",
@@ -107,19 +127,23 @@ def measure(directory):
                 "qemu-system-arm", "-M", board, "-nographic", "-semihosting", "-icount", "shift=6",
                 "-kernel", Path(work) / "x.elf",
             )
-        worst = dict(re.findall(r"^(\w+) (\d+)", said, re.M))
         difference = re.search(r"largest difference (\S+),", said).group(1)
         for function in functions:
-            count, stack = re.search(rf"^{function} (\d+) (\d+)$", said, re.M).groups()
-            yield title, function, rom, int(worst["ram"]), int(stack), int(count), difference
+            of_policy = {f"{name}_policy", f"{name}_net"}
+            is_policy = function == f"{name}_policy_step"
+            used = [s for s in rom if (s in of_policy if is_policy else s != f"{name}_policy")]
+            line = re.search(rf"^{function} (\d+) (\d+) (\d+) (\d+)$", said, re.M)
+            most, fewest, stack, ram = map(int, line.groups())
+            yield title, function, sum(rom[s] for s in used), ram, stack, most, fewest, difference
 
 
 def main():
-    print("| target, gcc -O2 | function | ROM bytes | RAM bytes | stack bytes | instructions | self-test |")
-    print("|---|---|---|---|---|---|---|")
+    columns = "ROM bytes | RAM bytes | stack bytes | most instructions | fewest | self-test"
+    print(f"| target, gcc -O2 | function | {columns} |")
+    print("|---|---|---|---|---|---|---|---|")
     for directory in map(Path, sys.argv[1:]):
-        for title, function, rom, ram, stack, count, difference in measure(directory.resolve()):
-            print(f"| {title} | `{function}` | {rom} | {ram} | {stack} | {count} | {difference} |", flush=True)
+        for title, function, *numbers in measure(directory.resolve()):
+            print(f"| {title} | `{function}` | {' | '.join(map(str, numbers))} |", flush=True)
 
 
 if __name__ == "__main__":

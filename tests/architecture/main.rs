@@ -24,10 +24,6 @@ const CRATES: [(&str, &[&str]); 29] = [
     ("pinc-loop", &["pinc-mpc", "pinc-ode"]),
     ("pinc-sensitivity", &["pinc-mpc", "pinc-ode", "pinc-qp"]),
     ("pinc-batch", &["pinc-loop", "pinc-mpc", "pinc-ode", "pinc-sensitivity"]),
-    (
-        "pinc-shrink",
-        &["pinc-ad", "pinc-batch", "pinc-mpc", "pinc-net", "pinc-ode", "pinc-sensitivity"],
-    ),
     ("pinc-estimate", &["pinc-loop", "pinc-mpc", "pinc-ode", "pinc-qp"]),
     ("pinc-identify", &["pinc-estimate", "pinc-ode"]),
     ("pinc-integer", &["pinc-mpc"]),
@@ -35,6 +31,18 @@ const CRATES: [(&str, &[&str]); 29] = [
     (
         "pinc-export",
         &["pinc-estimate", "pinc-expr", "pinc-mpc", "pinc-net", "pinc-ode", "pinc-verify"],
+    ),
+    (
+        "pinc-shrink",
+        &[
+            "pinc-ad",
+            "pinc-batch",
+            "pinc-export",
+            "pinc-mpc",
+            "pinc-net",
+            "pinc-ode",
+            "pinc-sensitivity",
+        ],
     ),
     ("pinc-external", &["pinc-ad", "pinc-ode"]),
     (
@@ -100,7 +108,6 @@ const CRATES: [(&str, &[&str]); 29] = [
         &[
             "pinc-choose",
             "pinc-config",
-            "pinc-export",
             "pinc-mpc",
             "pinc-net",
             "pinc-ode",

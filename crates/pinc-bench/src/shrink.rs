@@ -1,12 +1,11 @@
 //! `pinc shrink`: a net in place of a config's controller.
 
 use pinc_config::{ControlSpec, Experiment, ModelKind};
-use pinc_export::Name;
 use pinc_mpc::{Bounds, Reference};
 use pinc_ode::PiecewiseConstant;
 use pinc_record::{CsvText, write_atomically};
 use pinc_runs::{BatchController, ModelFile, Options, RunError, Target, Verbosity, console};
-use pinc_shrink::{Judgement, Outcome, Policy, Region, ShrinkConfig, ShrinkError, Stage};
+use pinc_shrink::{Judgement, Outcome, Region, ShrinkConfig, ShrinkError, Stage};
 use std::path::{Path, PathBuf};
 
 /// The command in messages.
@@ -26,7 +25,7 @@ const LONGEST_HOLD: usize = 60;
 pub struct ShrinkOptions {
     /// Neurons in each of the two hidden layers.
     pub neurons: usize,
-    /// Plans to train on, about.
+    /// Plans to make and train on.
     pub samples: usize,
     /// The most iterations of the training.
     pub iterations: usize,
@@ -94,16 +93,12 @@ pub fn shrink(
     std::fs::create_dir_all(dir)
         .map_err(|error| RunError::usage(dir.display(), error.to_string()))?;
     let to = (Target::C, false);
-    let exported = pinc_runs::export_controller(experiment, model, only, to, None, Some(dir));
-    let c = match exported {
-        Ok(dir) => {
-            let kind = controller.spec().models.first().copied().unwrap_or(ModelKind::RK4);
-            let kind = only.unwrap_or(if model.is_some() { ModelKind::Pinc } else { kind });
-            write_c(experiment, kind, &mut controller, &shrunk.policy, &dir)?;
-            Ok(dir)
-        }
-        Err(error) => Err(error.to_string()),
-    };
+    let into = (None, Some(dir));
+    let exported =
+        pinc_runs::export_controller_with(experiment, (model, only), to, into, |of, nmpc, name| {
+            Ok(pinc_shrink::policy_to_c(&shrunk.policy, nmpc, of, name)?.into())
+        });
+    let c = exported.map_err(|error| error.to_string());
     write_atomically(&dir.join(TABLE), table(&shrunk.judgement).as_bytes())?;
     let (weights, labels) = (shrunk.policy.weights(), shrunk.labels);
     Ok(ShrunkController { judgement: shrunk.judgement, c, weights, labels })
@@ -169,26 +164,6 @@ fn range<'a>(rows: impl Iterator<Item = &'a [f64]>, width: usize) -> Bounds {
         }
     }
     range
-}
-
-/// Writes the policy beside the exported controller, whose model it uses.
-fn write_c(
-    experiment: &Experiment,
-    kind: ModelKind,
-    controller: &mut BatchController,
-    policy: &Policy,
-    dir: &Path,
-) -> Result<(), RunError> {
-    let model = kind.integrator().map_or("net", |method| method.name());
-    let name = Name::nearest(&experiment.name);
-    let (batch, _) = controller.parts();
-    let files =
-        batch.each(1, |nmpc, _| pinc_shrink::policy_to_c(policy, nmpc, name.as_str(), model));
-    for (text, ending) in files.iter().flatten().zip(["h", "c"]) {
-        let path = dir.join(format!("{}_policy.{ending}", name.as_str()));
-        write_atomically(&path, text.as_bytes())?;
-    }
-    Ok(())
 }
 
 impl std::fmt::Display for ShrunkController {

@@ -16,6 +16,61 @@ pub(crate) fn values(listing: &Listing, nx: usize, to: &str) -> String {
     body.finish(listing)
 }
 
+/// The same of points side by side, one in each lane of vectors; what is no arithmetic is computed
+/// lane by lane.
+pub(crate) fn lane_values(listing: &Listing, nx: usize, to: &str) -> String {
+    let mut body = Body { text: "    int l;\n".to_owned(), nx, tangents: 0 };
+    let mut is_vector: Vec<bool> = Vec::new();
+    for (i, instruction) in listing.instructions.iter().enumerate() {
+        let varies = instruction.operands().any(|operand| is_vector[operand]);
+        match instruction {
+            Instruction::Variable(_)
+            | Instruction::Add(..)
+            | Instruction::Sub(..)
+            | Instruction::Mul(..)
+            | Instruction::Div(..)
+            | Instruction::Neg(_) => {
+                let text = body.expression(*instruction, &|operand| format!("v{operand}"));
+                let varies = varies || matches!(instruction, Instruction::Variable(_));
+                let kind = if varies { "pinc_vector" } else { "const PINC_REAL" };
+                let _ = writeln!(body.text, "    {kind} v{i} = {text};");
+                is_vector.push(varies);
+            }
+            _ if varies => {
+                let lane = |operand: usize| match is_vector[operand] {
+                    true => format!("PINC_LANE(v{operand}, l)"),
+                    false => format!("v{operand}"),
+                };
+                let text = body.expression(*instruction, &lane);
+                let _ = writeln!(
+                    body.text,
+                    "    pinc_vector v{i};\n    for (l = 0; l < PINC_LANES; l++) {{\n        \
+                     PINC_LANE(v{i}, l) = {text};\n    }}"
+                );
+                is_vector.push(true);
+            }
+            _ => {
+                body.value(i, *instruction);
+                is_vector.push(false);
+            }
+        }
+    }
+    for (row, &result) in listing.results.iter().enumerate() {
+        let _ = match is_vector[result] {
+            true => writeln!(body.text, "    {to}[{row}] = v{result};"),
+            false => writeln!(
+                body.text,
+                "    for (l = 0; l < PINC_LANES; l++) {{\n        PINC_LANE({to}[{row}], l) = \
+                 v{result};\n    }}"
+            ),
+        };
+    }
+    if !body.text.contains("(l = 0") {
+        body.text = body.text.replacen("    int l;\n", "", 1);
+    }
+    body.finish(listing)
+}
+
 /// A function of x and u with its derivatives by both.
 pub(crate) struct Jacobian {
     /// The body of the function: it writes the results, and to f the derivatives that are not 0.
@@ -54,24 +109,31 @@ struct Body {
 
 impl Body {
     fn value(&mut self, i: usize, instruction: Instruction) {
-        let text = match instruction {
+        let text = self.expression(instruction, &|operand| format!("v{operand}"));
+        let _ = writeln!(self.text, "    const PINC_REAL v{i} = {text};");
+    }
+
+    /// A value by its operands, which `v` names.
+    fn expression(&self, instruction: Instruction, v: &dyn Fn(usize) -> String) -> String {
+        match instruction {
             Instruction::Variable(index) => match index.checked_sub(self.nx) {
                 None => format!("x[{index}]"),
                 Some(input) => format!("u[{input}]"),
             },
             Instruction::Constant(value) => number(value),
-            Instruction::Add(a, b) => format!("v{a} + v{b}"),
-            Instruction::Sub(a, b) => format!("v{a} - v{b}"),
-            Instruction::Mul(a, b) => format!("v{a} * v{b}"),
-            Instruction::Div(a, b) => format!("v{a} / v{b}"),
-            Instruction::Min(a, b) => smaller(a, b, &format!("v{a}"), &format!("v{b}")),
-            Instruction::Max(a, b) => larger(a, b, &format!("v{a}"), &format!("v{b}")),
-            Instruction::Where(a, b, c) => format!("(v{a} <= PINC_N(0)) ? v{b} : v{c}"),
-            Instruction::Neg(a) => format!("-v{a}"),
-            Instruction::Power(a, p) => format!("PINC_MATH(pow)(v{a}, {})", number(p)),
-            Instruction::Function(function, a) => call(function, a),
-        };
-        let _ = writeln!(self.text, "    const PINC_REAL v{i} = {text};");
+            Instruction::Add(a, b) => format!("{} + {}", v(a), v(b)),
+            Instruction::Sub(a, b) => format!("{} - {}", v(a), v(b)),
+            Instruction::Mul(a, b) => format!("{} * {}", v(a), v(b)),
+            Instruction::Div(a, b) => format!("{} / {}", v(a), v(b)),
+            Instruction::Min(a, b) => smaller([&v(a), &v(b)], [&v(a), &v(b)]),
+            Instruction::Max(a, b) => larger([&v(a), &v(b)], [&v(a), &v(b)]),
+            Instruction::Where(a, b, c) => {
+                format!("({} <= PINC_N(0)) ? {} : {}", v(a), v(b), v(c))
+            }
+            Instruction::Neg(a) => format!("-{}", v(a)),
+            Instruction::Power(a, p) => format!("PINC_MATH(pow)({}, {})", v(a), number(p)),
+            Instruction::Function(function, a) => call(function, &v(a)),
+        }
     }
 
     /// Writes the tangents of value `i`; gives which are not 0.
@@ -99,7 +161,8 @@ impl Body {
                     let least = matches!(instruction, Instruction::Min(..));
                     let pick = if least { smaller } else { larger };
                     let any = known[a][t] || known[b][t];
-                    any.then(|| pick(a, b, &or_zero(of(a)), &or_zero(of(b))))
+                    let values = [&*format!("v{a}"), &format!("v{b}")];
+                    any.then(|| pick(values, [&or_zero(of(a)), &or_zero(of(b))]))
                 }
                 Instruction::Where(a, b, c) => {
                     let (yes, no) = (or_zero(of(b)), or_zero(of(c)));
@@ -144,7 +207,7 @@ impl Body {
                 Function::Tan => format!("(v{i} * v{i}) + PINC_N(1)"),
                 Function::Tanh => format!("PINC_N(1) - (v{i} * v{i})"),
                 Function::Atan => format!("PINC_N(1) / ((v{a} * v{a}) + PINC_N(1))"),
-                Function::Abs => sign(a),
+                Function::Abs => sign(&format!("v{a}")),
                 Function::Sign => return None,
             },
             _ => return None,
@@ -198,22 +261,20 @@ fn joined(a: Option<String>, operator: &str, b: Option<String>) -> Option<String
 }
 
 /// The item of the smaller of two values; of equal ones, the second; NaN if one is.
-fn smaller(a: usize, b: usize, of_a: &str, of_b: &str) -> String {
-    format!("(v{b} <= v{a}) ? {of_b} : ((v{a} <= v{b}) ? {of_a} : ({of_a} + {of_b}))")
+fn smaller([a, b]: [&str; 2], [of_a, of_b]: [&str; 2]) -> String {
+    format!("({b} <= {a}) ? {of_b} : (({a} <= {b}) ? {of_a} : ({of_a} + {of_b}))")
 }
 
 /// The item of the larger of two values, with the same rules.
-fn larger(a: usize, b: usize, of_a: &str, of_b: &str) -> String {
-    format!("(v{a} <= v{b}) ? {of_b} : ((v{b} <= v{a}) ? {of_a} : ({of_a} + {of_b}))")
+fn larger([a, b]: [&str; 2], [of_a, of_b]: [&str; 2]) -> String {
+    format!("({a} <= {b}) ? {of_b} : (({b} <= {a}) ? {of_a} : ({of_a} + {of_b}))")
 }
 
-fn sign(a: usize) -> String {
-    format!(
-        "(v{a} > PINC_N(0)) ? PINC_N(1) : ((v{a} < PINC_N(0)) ? PINC_N(-1) : (v{a} * PINC_N(0)))"
-    )
+fn sign(a: &str) -> String {
+    format!("({a} > PINC_N(0)) ? PINC_N(1) : (({a} < PINC_N(0)) ? PINC_N(-1) : ({a} * PINC_N(0)))")
 }
 
-fn call(function: Function, a: usize) -> String {
+fn call(function: Function, a: &str) -> String {
     let name = match function {
         Function::Sqrt => "sqrt",
         Function::Exp => "exp",
@@ -226,5 +287,5 @@ fn call(function: Function, a: usize) -> String {
         Function::Abs => "fabs",
         Function::Sign => return sign(a),
     };
-    format!("PINC_MATH({name})(v{a})")
+    format!("PINC_MATH({name})({a})")
 }

@@ -8,7 +8,8 @@
 //! - [`net_to_fmu`], [`controller_to_fmu`], [`plant_to_fmu`]: the content of FMUs, which
 //!   [`archive`] packs.
 //!
-//! All functions return the content of files ([`GeneratedFile`]); the caller writes them.
+//! These return the content of files ([`GeneratedFile`]); the caller writes them. [`lanes_to_c`] is the
+//! text of functions for other generated files.
 
 #![forbid(unsafe_code)]
 
@@ -23,6 +24,7 @@ mod fmi3;
 mod fmu;
 mod golden;
 mod guard_c;
+mod lanes_c;
 mod mpc_c;
 mod name;
 mod net_c;
@@ -42,6 +44,7 @@ pub use error::ExportError;
 pub use feedback_c::{Estimation, Filter};
 pub use fmu::{FmiVersion, controller_to_fmu, net_to_fmu, plant_to_fmu};
 pub use guard_c::{ErrorGuard, ErrorResponse};
+pub use lanes_c::lanes_to_c;
 pub use mpc_c::controller_to_c;
 pub use name::Name;
 pub use net_c::net_to_c;

@@ -131,6 +131,7 @@ pub(crate) fn places(
     let mut t = Template::new(name);
     t.set("BANNER", origin.banner("A net as the model of a plant.", Some(net)))
         .set("REAL", include_str!("../templates/real.h"))
+        .set("ARITHMETIC", include_str!("../templates/arithmetic.c"))
         .set("NX", nx)
         .set("NU", nu)
         .set("T", format!("{:?}", net.sample_time_s()))

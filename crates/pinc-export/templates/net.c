@@ -101,50 +101,7 @@ static void pinc_add_columns(const PINC_REAL *matrix, int rows, int width, const
     }
 }
 
-/* z between -20 and 20, where tanh is 1 to rounding; NaN for NaN. */
-static pinc_vector pinc_limited(pinc_vector z)
-{
-    const PINC_REAL most = PINC_N(20);
-#if PINC_VECTOR_BYTES > 0
-    const pinc_vector zero = {0};
-    const pinc_vector high = zero + most;
-    const pinc_vector low = zero - most;
-    __typeof__(z > high) is;
-    __typeof__(z > high) bits;
-    is = z > high;
-    bits = (((__typeof__(is))high) & is) | (((__typeof__(is))z) & ~is);
-    is = z < low;
-    bits = (((__typeof__(is))low) & is) | (bits & ~is);
-    return (pinc_vector)bits;
-#else
-    return (z > most) ? most : ((z < -most) ? -most : z);
-#endif
-}
-
-/* tanh z, with a relative error below 4 epsilon: the continued fraction of tanh (z/4) after 8 terms,
-   with numerator p and denominator q, and twice tanh 2y = 2 p q / (q^2 + p^2). */
-static pinc_vector pinc_tanh(pinc_vector z)
-{
-    const pinc_vector y = pinc_limited(z) * PINC_N(0.25);
-    const pinc_vector s = y * y;
-    pinc_vector p = (s * PINC_N(1.0 / 34459425.0)) + PINC_N(2.0 / 69615.0);
-    pinc_vector q = (s * PINC_N(1.0 / 765765.0)) + PINC_N(4.0 / 9945.0);
-    pinc_vector product;
-    p = (p * s) + PINC_N(1.0 / 255.0);
-    q = (q * s) + PINC_N(7.0 / 255.0);
-    p = (p * s) + PINC_N(7.0 / 51.0);
-    q = (q * s) + PINC_N(8.0 / 17.0);
-    p = ((p * s) + PINC_N(1)) * y;
-    q = (q * s) + PINC_N(1);
-    product = p * q;
-    q = (q * q) + (p * p);
-    p = product + product;
-    product = p * q;
-    q = (q * q) + (p * p);
-    return (product + product) / q;
-}
-
-/* z = W v + b of all points, followed by tanh in hidden layers. */
+@ARITHMETIC@/* z = W v + b of all points, followed by tanh in hidden layers. */
 static void pinc_values(const pinc_layer *layer, const PINC_REAL *bias, int hidden,
                         const pinc_vector *in, pinc_vector *out, int points)
 {

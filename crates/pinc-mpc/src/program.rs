@@ -80,6 +80,12 @@ impl Program<'_> {
         horizon.at(stage).step(x, u, parameters, next);
     }
 
+    /// Writes the outputs of the model of a stage, with the controller's parameters.
+    pub fn outputs_at(&mut self, stage: usize, x: &[f64], u: &[f64], y: &mut [f64]) {
+        let Nmpc { horizon, parameters, .. } = &mut *self.0;
+        horizon.at(stage).output(x, u, parameters, y);
+    }
+
     /// Linearizes the models of all stages, each at its own point.
     pub fn linearize(&mut self, at: Stages<'_>, out: Linearization<'_>) {
         self.0.horizon.linearize(at, out, &mut || false);

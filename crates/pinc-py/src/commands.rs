@@ -197,16 +197,23 @@ pub(crate) fn tune_into(
 pub(crate) fn shrink_into(
     py: Python<'_>,
     common: Common<'_>,
-    neurons: usize,
-    samples: usize,
-    iterations: usize,
-    loops: usize,
+    neurons: Option<usize>,
+    samples: Option<usize>,
+    iterations: Option<usize>,
+    loops: Option<usize>,
 ) -> PyResult<(PathBuf, String, Option<String>)> {
+    let usual = ShrinkOptions::default();
+    let how = ShrinkOptions {
+        neurons: neurons.unwrap_or(usual.neurons),
+        samples: samples.unwrap_or(usual.samples),
+        iterations: iterations.unwrap_or(usual.iterations),
+        loops: loops.unwrap_or(usual.loops),
+    };
     let counts = [
-        ("neurons", neurons, 1..=200),
-        ("samples", samples, 100..=10_000_000),
-        ("iterations", iterations, 0..=10_000_000),
-        ("loops", loops, 1..=10_000_000),
+        ("neurons", how.neurons, 1..=200),
+        ("samples", how.samples, 100..=10_000_000),
+        ("iterations", how.iterations, 0..=10_000_000),
+        ("loops", how.loops, 1..=10_000_000),
     ];
     for (name, given, range) in counts {
         if !range.contains(&given) {
@@ -216,7 +223,6 @@ pub(crate) fn shrink_into(
         }
     }
     let (experiment, only) = (common.experiment()?, common.only()?);
-    let how = ShrinkOptions { neurons, samples, iterations, loops };
     let (dir, model) = (common.directory(&experiment, "-shrink"), common.model.as_deref());
     let shrunk = common
         .call("shrink", &experiment)

@@ -13,7 +13,7 @@ use pinc_export::{
     GeneratedFile, ModelSource, Name, Origin, Precision, RungeKuttaModel, net_to_onnx,
 };
 use pinc_expr::PlantEquations;
-use pinc_mpc::NmpcProblem;
+use pinc_mpc::{Nmpc, NmpcProblem};
 use pinc_net::PincNet;
 use pinc_ode::{DynPlant, Integrator};
 use pinc_record::{RecordError, read_file, write_atomically};
@@ -110,9 +110,24 @@ pub fn export_controller(
     experiment: &Experiment,
     model: Option<&Path>,
     only: Option<ModelKind>,
-    (to, with_errors): (Target, bool),
+    to: (Target, bool),
     name: Option<&str>,
     out: Option<&Path>,
+) -> Result<PathBuf, RunError> {
+    export_controller_with(experiment, (model, only), to, (name, out), |_, _, _| Ok(Vec::new()))
+}
+
+/// The same, for C with the files that `beside` makes of the controller and its library.
+///
+/// # Errors
+///
+/// Those of [`export_controller`] and of `beside`.
+pub fn export_controller_with(
+    experiment: &Experiment,
+    (model, only): (Option<&Path>, Option<ModelKind>),
+    (to, with_errors): (Target, bool),
+    (name, out): (Option<&str>, Option<&Path>),
+    beside: impl FnOnce(&Controller<'_>, &mut Nmpc, &Name) -> Result<Vec<GeneratedFile>, ExportError>,
 ) -> Result<PathBuf, RunError> {
     if with_errors {
         estimated(experiment, to)?;
@@ -203,7 +218,9 @@ pub fn export_controller(
             if let Some(u) = controller.initial_input {
                 library.reset_input(u)?;
             }
-            pinc_export::controller_to_c(&controller, library, &name, &origin)?
+            let mut files = beside(&controller, &mut library, &name)?;
+            files.extend(pinc_export::controller_to_c(&controller, library, &name, &origin)?);
+            files
         }
         Target::Fmu(version) => {
             let content = pinc_export::controller_to_fmu(&controller, &name, &origin, version)?;

@@ -63,7 +63,7 @@ pub use control::{LoopSetup, verdict};
 pub use domain_error::proven_net_error;
 pub use error::{CsvProblem, RunError};
 pub use estimate::{ConfigEstimator, Estimated, estimate, estimator};
-pub use export::{Target, export_controller, export_net, export_plant};
+pub use export::{Target, export_controller, export_controller_with, export_net, export_plant};
 pub use identify::identify;
 pub use live::{Follow, LiveController, LiveStep};
 pub use live_state::LiveState;

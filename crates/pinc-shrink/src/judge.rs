@@ -1,21 +1,14 @@
 //! Closed loops of the net beside the controller's.
 
-use crate::check::size;
+use crate::check::{outside, place, point};
 use crate::samples::Drawn;
 use crate::{Checked, Policy, Region};
 use pinc_batch::NmpcBatch;
-use pinc_mpc::{MpcError, Nmpc, Reference, Tracked};
+use pinc_mpc::{MpcError, Nmpc, Reference};
 use pinc_ode::Simulator;
 
 /// A loop breaks its bounds if a state is outside by more than this part of the bounds' size.
 const BROKEN: f64 = 1e-3;
-
-/// Who chooses the inputs of a loop.
-#[derive(Clone, Debug)]
-enum Driver {
-    Net(Policy),
-    Checked(Checked),
-}
 
 /// Closed loops of one driver.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -23,12 +16,12 @@ enum Driver {
 pub struct Outcome {
     /// The absolute errors of what is tracked, summed over all control steps and loops.
     pub iae: f64,
-    /// Loops with a state outside its bounds at a control step, by more than 0.1 % of the bounds'
+    /// Loops with a state or an output outside its bounds at a control step, by more than 0.1 % of the bounds'
     /// size.
     pub broken: usize,
     /// The same among the loops in which the controller keeps all bounds.
     pub newly_broken: usize,
-    /// The part of the decisions in which the net's plan was kept.
+    /// The part of the decisions in which the net's plan was taken.
     pub kept: f64,
 }
 
@@ -55,26 +48,29 @@ pub(crate) struct Trace {
     pub(crate) kept: usize,
 }
 
-/// The loops under a net alone; `None` where the plant cannot be integrated.
-pub(crate) fn loops_of_net(
+/// The loops under a net, whose plans are checked or not; `None` where the plant cannot be
+/// integrated.
+pub(crate) fn loops(
     batch: &mut NmpcBatch,
     (plant, region): (&Simulator, &Region),
-    policy: &Policy,
-    drawn: &Drawn,
-) -> Vec<Option<Trace>> {
-    loops(batch, (plant, region), &Driver::Net(policy.clone()), drawn)
-}
-
-fn loops(
-    batch: &mut NmpcBatch,
-    (plant, region): (&Simulator, &Region),
-    driver: &Driver,
+    (policy, is_checked): (&Policy, bool),
     drawn: &Drawn,
 ) -> Vec<Option<Trace>> {
     batch.each(drawn.references.len(), |nmpc, k| {
         let n = nmpc.model().dims().nx;
         let x = &drawn.x[k * n..(k + 1) * n];
-        run(nmpc, plant.clone(), (&drawn.references[k], x, &region.u_before), driver.clone())
+        let mut net = policy.clone();
+        let mut checked = is_checked.then(|| Checked::new(policy.clone(), &drawn.plans[k]));
+        let decide = |nmpc: &mut Nmpc, x: &[f64], r: &[f64], u: &[f64], plan: &mut [f64]| {
+            let Some(checked) = &mut checked else {
+                net.plan(x, r, u, plan);
+                return true;
+            };
+            let taken = checked.decide(nmpc, x, r, u);
+            plan.copy_from_slice(checked.plan());
+            taken == 3
+        };
+        run(nmpc, plant.clone(), (&drawn.references[k], x, &region.u_before), decide)
     })
 }
 
@@ -87,31 +83,34 @@ pub(crate) fn judge(
     let own = drawn.run(batch, plant, &region.u_before)?;
     let mut judgement = Judgement::default();
     let mut steps = 0;
-    let drivers = [Driver::Net(policy.clone()), Driver::Checked(Checked::new(policy.clone()))];
-    let [net, checked] = drivers.map(|driver| loops(batch, (plant, region), &driver, drawn));
+    let [net, checked] =
+        [false, true].map(|is_checked| loops(batch, (plant, region), (policy, is_checked), drawn));
+    let mut scores = |traces: &[Option<Trace>]| {
+        let score = |nmpc: &mut Nmpc, k: usize| {
+            // One that ends early: the plant cannot be integrated.
+            let missing = (f64::INFINITY, true);
+            traces[k].as_ref().map_or(missing, |of| score(nmpc, &drawn.references[k], of))
+        };
+        batch.each(traces.len(), score)
+    };
+    let by_own = scores(&own);
+    let by_others = [scores(&net), scores(&checked)];
     for (k, reference) in drawn.references.iter().enumerate() {
-        let Some(own) = &own[k] else { continue };
+        if own[k].is_none() {
+            continue;
+        }
         judgement.loops += 1;
         steps += reference.steps();
-        let broken = breaks(batch.nmpc(), &own.states);
-        for (outcome, trace) in [
-            (&mut judgement.nmpc, Some(own)),
-            (&mut judgement.net, net[k].as_ref()),
-            (&mut judgement.checked, checked[k].as_ref()),
+        for (outcome, trace, (iae, breaks)) in [
+            (&mut judgement.nmpc, &own[k], by_own[k]),
+            (&mut judgement.net, &net[k], by_others[0][k]),
+            (&mut judgement.checked, &checked[k], by_others[1][k]),
         ] {
-            let Some(trace) = trace else {
-                // The plant could not be integrated.
-                outcome.iae = f64::INFINITY;
-                outcome.broken += 1;
-                outcome.newly_broken += usize::from(!broken);
-                continue;
-            };
-            let breaks = breaks(batch.nmpc(), &trace.states);
-            outcome.iae += iae(batch.nmpc(), reference, trace);
+            outcome.iae += iae;
             outcome.broken += usize::from(breaks);
-            outcome.newly_broken += usize::from(breaks && !broken);
+            outcome.newly_broken += usize::from(breaks && !by_own[k].1);
             #[expect(clippy::cast_precision_loss, reason = "far below 2^53 steps")]
-            let kept = trace.kept as f64;
+            let kept = trace.as_ref().map_or(0, |trace| trace.kept) as f64;
             outcome.kept += kept;
         }
     }
@@ -127,7 +126,7 @@ fn run(
     nmpc: &mut Nmpc,
     mut plant: Simulator,
     (reference, x, u_before): (&Reference, &[f64], &[f64]),
-    mut driver: Driver,
+    mut decide: impl FnMut(&mut Nmpc, &[f64], &[f64], &[f64], &mut [f64]) -> bool,
 ) -> Option<Trace> {
     let sample_time_s = nmpc.model().sample_time_s();
     let (mut x, mut u) = (x.to_vec(), u_before.to_vec());
@@ -135,16 +134,7 @@ fn run(
     let (mut states, mut inputs, mut kept) = (x.clone(), Vec::new(), 0);
     let mut plan = vec![0.0; count];
     for k in 0..reference.steps() {
-        match &mut driver {
-            Driver::Net(policy) => {
-                policy.plan(&x, reference.at(k), &u, &mut plan);
-                kept += 1;
-            }
-            Driver::Checked(checked) => {
-                kept += usize::from(checked.decide(nmpc, &x, reference.at(k), &u) >= 1.0);
-                plan.copy_from_slice(checked.plan());
-            }
-        }
+        kept += usize::from(decide(nmpc, &x, reference.at(k), &u, &mut plan));
         let first = u.len();
         u.copy_from_slice(&plan[..first]);
         plant.integrate(&mut x, &u, sample_time_s).ok()?;
@@ -154,41 +144,26 @@ fn run(
     Some(Trace { states, inputs, kept })
 }
 
-/// Whether a state is outside its bounds after the first step.
-fn breaks(nmpc: &Nmpc, states: &[f64]) -> bool {
-    let n = nmpc.model().dims().nx;
-    let bounds = &nmpc.problem().state_bounds;
-    states.chunks_exact(n).skip(1).any(|x| {
-        let ends = bounds.low.iter().zip(&bounds.high);
-        x.iter().zip(ends).any(|(value, (low, high))| {
-            (low - value).max(value - high) > BROKEN * size(*low, *high)
-        })
-    })
-}
-
-/// The errors at the ends of the steps.
-fn iae(nmpc: &Nmpc, reference: &Reference, trace: &Trace) -> f64 {
+/// The absolute errors at the ends of the steps, summed, and whether a bound is broken after the
+/// first state.
+fn score(nmpc: &mut Nmpc, reference: &Reference, trace: &Trace) -> (f64, bool) {
     let dims = nmpc.model().dims();
-    let tracked = &nmpc.problem().tracked;
-    (0..reference.steps())
-        .map(|k| {
-            let x = &trace.states[(k + 1) * dims.nx..(k + 2) * dims.nx];
-            let u = &trace.inputs[k * dims.nu..(k + 1) * dims.nu];
-            let errors = tracked.iter().zip(reference.at(k)).map(|(tracked, r)| match *tracked {
-                Tracked::State(state) => (x[state] - r).abs(),
-                Tracked::Input(input) => (u[input] - r).abs(),
-                // Refused by `shrink`.
-                Tracked::Output(_) => f64::NAN,
-            });
-            errors.sum::<f64>()
-        })
-        .sum()
+    let (tracked, stage) = (nmpc.problem().tracked.clone(), nmpc.problem().n1);
+    let (mut iae, mut breaks) = (0.0, false);
+    for (k, u) in trace.inputs.chunks_exact(dims.nu).enumerate() {
+        let mut at = |k: usize| point(nmpc, 0, &trace.states[k * dims.nx..(k + 1) * dims.nx], u);
+        let [begin, end] = [at(k), at(k + 1)];
+        let errors = tracked.iter().zip(reference.at(k));
+        iae += errors.map(|(tracked, r)| (end[place(*tracked, dims)] - r).abs()).sum::<f64>();
+        breaks |= outside(nmpc, stage, [&begin, &end]) > BROKEN;
+    }
+    (iae, breaks)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use pinc_mpc::{Bounds, NmpcProblem, SqpConfig, Weights};
+    use pinc_mpc::{Bounds, NmpcProblem, SqpConfig, Tracked, Weights};
     use pinc_ode::{Dims, Rk4};
     use pinc_plants::VanDerPol;
 
@@ -214,15 +189,17 @@ mod tests {
     fn errors_are_summed_at_the_ends_of_the_steps() {
         let reference = Reference::new(vec![0.5, 0.0, 1.0, -2.0], 2).unwrap();
         let steps = [(2.0 - 0.5) + 0.5, (1.0 + 1.0) + (2.0 - 0.5)];
-        let found = iae(&controller(4.0), &reference, &trace());
+        let found = score(&mut controller(4.0), &reference, &trace()).0;
         assert!((found - steps.iter().sum::<f64>()).abs() < 1e-12, "{found}");
     }
 
     #[test]
     fn a_loop_breaks_a_bound_by_more_than_a_thousandth_of_its_size() {
+        let reference = Reference::new(vec![0.0; 4], 2).unwrap();
         // It begins outside; later 3 is the largest.
         for (bound, is_broken) in [(4.0, false), (2.9985, false), (2.9965, true), (2.0, true)] {
-            assert_eq!(breaks(&controller(bound), &trace().states), is_broken, "{bound}");
+            let found = score(&mut controller(bound), &reference, &trace()).1;
+            assert_eq!(found, is_broken, "{bound}");
         }
     }
 }

@@ -22,7 +22,7 @@ pub use policy::Policy;
 
 use net::Net;
 use pinc_batch::NmpcBatch;
-use pinc_mpc::{Bounds, MpcError, Nmpc, Tracked};
+use pinc_mpc::{Bounds, MpcError, Nmpc};
 use pinc_net::{NetError, Workers};
 use pinc_ode::Simulator;
 use policy::{Limits, Scale};
@@ -83,7 +83,7 @@ pub struct Region {
 pub struct ShrinkConfig {
     /// Neurons in each of the two hidden layers.
     pub neurons: usize,
-    /// How many plans the net is trained on, about.
+    /// How many plans are made to train the net on; those that are not optimal are left out.
     pub samples: usize,
     /// The most iterations of the training.
     pub iterations: usize,
@@ -163,12 +163,13 @@ pub fn shrink(
     let problem = batch.nmpc().problem().clone();
     let dims = batch.nmpc().model().dims();
     let limits = Limits::new(&problem, dims);
-    // Two situations from each fourth step, of the controller's loops and then of the net's own.
-    let loops = (config.samples / ROUNDS / config.hold).max(2);
-    let drawn = Drawn::new(region, (loops, config.hold), &mut random)?;
+    // As many plans of the controller's loops as later, each time, of the net's own.
+    let quota = config.samples / ROUNDS;
+    let loops = (quota.div_ceil(Drawn::per_loop(config.hold.max(2))).max(2), config.hold);
+    let drawn = Drawn::new(batch, region, loops, &mut random)?;
     let traces = drawn.run(batch, plant, &region.u_before)?;
-    let every = (region, 4);
-    let situations = drawn.situations(&traces, every, &problem.input_bounds, &mut random);
+    let mut situations = drawn.situations(&traces, region, &problem.input_bounds, &mut random);
+    situations.truncate(quota);
     see(Stage::Labelling(situations.len()));
     let inputs = Scale::of(situations.iter().map(Vec::as_slice));
     let mut labels = samples::label(batch, &situations, (&inputs, &limits), &mut random)?;
@@ -190,16 +191,18 @@ pub fn shrink(
         if round < ROUNDS {
             let scales = (inputs.clone(), outputs.clone());
             let policy = Policy::new(net.clone(), scales.0, scales.1, limits.clone());
-            let drawn = Drawn::new(region, (loops, config.hold), &mut random)?;
-            let traces = judge::loops_of_net(batch, (plant, region), &policy, &drawn);
-            let situations = drawn.situations(&traces, every, &problem.input_bounds, &mut random);
+            let drawn = Drawn::new(batch, region, loops, &mut random)?;
+            let traces = judge::loops(batch, (plant, region), (&policy, false), &drawn);
+            let mut situations =
+                drawn.situations(&traces, region, &problem.input_bounds, &mut random);
+            situations.truncate(quota);
             see(Stage::Labelling(situations.len()));
             labels.extend(samples::label(batch, &situations, (&inputs, &limits), &mut random)?);
         }
     }
     let policy = Policy::new(net, inputs, outputs, limits);
     see(Stage::Judging(config.loops));
-    let fresh = Drawn::new(region, (config.loops, config.hold), &mut stream(3))?;
+    let fresh = Drawn::new(batch, region, (config.loops, config.hold), &mut stream(3))?;
     let judgement = judge::judge(batch, (plant, region), &policy, &fresh)?;
     Ok(Shrunk { policy, labels: labels.len(), loss, judgement })
 }
@@ -208,14 +211,11 @@ pub fn shrink(
 fn check_controller(nmpc: &mut Nmpc) -> Result<(), ShrinkError> {
     let costed = nmpc.program().has_stage_cost();
     let problem = nmpc.problem();
-    let is_output = |tracked: &Tracked| matches!(tracked, Tracked::Output(_));
-    let outputs = problem.output_bounds.is_some() || problem.tracked.iter().any(is_output);
     let times = nmpc.stage_times_s();
     let equal = times.windows(2).all(|pair| {
         (pair[1] - pair[0] - nmpc.model().sample_time_s()).abs() <= 1e-9 * pair[1].abs()
     });
     let refused = [
-        (outputs, "tracked or bounded outputs", "states"),
         (costed || problem.tracked.is_empty(), "a stage cost", "references"),
         (problem.constraints.is_some(), "constraints h and g", "bounds"),
         (problem.delay > 0, "a delay", "a state that holds the input under way"),

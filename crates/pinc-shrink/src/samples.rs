@@ -1,6 +1,6 @@
 //! Situations along closed loops and around them, and the plans made there.
 
-use crate::check::size;
+use crate::check::{TOLERANCE, rate, size};
 use crate::judge::Trace;
 use crate::policy::{Limits, Scale};
 use crate::{Region, ShrinkError};
@@ -20,17 +20,29 @@ const AROUND: f64 = 0.15;
 /// their size: the net's errors may use the rest.
 const BACK_OFF: f64 = 0.01;
 
+/// A loop is left where a state is this far outside the region, as a part of the region's width: no
+/// plan there says how to control within it.
+const LEFT: f64 = 0.5;
+
+/// One situation of so many steps of a loop is taken.
+const EVERY: usize = 4;
+
 /// So many situations after each jump of the reference are taken, as transients are short.
 const AFTER_JUMP: usize = 3;
 
 /// An input counts as bounded if it is nearer to its bound than this part of the bounds' width.
 const AT_BOUND: f64 = 1e-6;
 
-/// Loops to be run: their first states and references.
+/// So many times as many loops are drawn as are needed, at most.
+const TRIES: usize = 20;
+
+/// Loops to be run: their first states, their references, and the controller's plans at their
+/// beginning.
 #[derive(Clone, Debug)]
 pub(crate) struct Drawn {
     pub(crate) x: Vec<f64>,
     pub(crate) references: Vec<Reference>,
+    pub(crate) plans: Vec<Vec<f64>>,
 }
 
 /// A situation: state, values to follow and the input applied last, one behind the other.
@@ -57,21 +69,42 @@ fn point(random: &mut ChaCha8Rng, within: &Bounds) -> Vec<f64> {
 }
 
 impl Drawn {
-    /// So many loops with first states and references drawn from `region`; each follows two
-    /// values, one after the other, for `hold` steps each.
+    /// So many loops with first states and references drawn from `region`, where the controller has
+    /// an optimal plan within the bounds; each follows two values, one after the other, for `hold`
+    /// steps each.
     pub(crate) fn new(
+        batch: &mut NmpcBatch,
         region: &Region,
         (loops, hold): (usize, usize),
         random: &mut ChaCha8Rng,
-    ) -> Result<Self, MpcError> {
-        let (mut x, mut references) = (Vec::new(), Vec::new());
-        for _ in 0..loops {
-            x.extend(point(random, &region.states));
-            let values = [point(random, &region.references), point(random, &region.references)];
-            let rows = values.iter().flat_map(|value| value.repeat(hold)).collect();
-            references.push(Reference::new(rows, region.references.low.len())?);
+    ) -> Result<Self, ShrinkError> {
+        let mut drawn = Self { x: Vec::new(), references: Vec::new(), plans: Vec::new() };
+        for _ in 0..TRIES {
+            let more: Vec<_> = (drawn.plans.len()..loops)
+                .map(|_| {
+                    [&region.states, &region.references, &region.references]
+                        .map(|of| point(random, of))
+                })
+                .collect();
+            let plans = batch.each(more.len(), |nmpc, k| {
+                let [x, r, _] = &more[k];
+                let Some(plan) = plan(nmpc, [x, r, &region.u_before])? else { return Ok(None) };
+                let rating = rate(nmpc, [x, r, &region.u_before], &plan);
+                Ok((rating.violation < TOLERANCE).then_some(plan))
+            });
+            let plans: Result<Vec<_>, MpcError> = plans.into_iter().collect();
+            for ([x, first, then], plan) in more.into_iter().zip(plans?) {
+                let Some(plan) = plan else { continue };
+                drawn.x.extend(x);
+                let rows = [first.repeat(hold), then.repeat(hold)].concat();
+                drawn.references.push(Reference::new(rows, region.references.low.len())?);
+                drawn.plans.push(plan);
+            }
         }
-        Ok(Self { x, references })
+        match drawn.plans.len() {
+            found if found < loops => Err(ShrinkError::Labels { found, drawn: loops * TRIES }),
+            _ => Ok(drawn),
+        }
     }
 
     /// The loops under the controller; `None` for one that does not reach its end.
@@ -96,21 +129,38 @@ impl Drawn {
         Ok(whole.collect())
     }
 
-    /// Every `step`-th situation of the loops, those after jumps, and beside each one drawn around it.
+    /// How many situations at least there are of a loop that follows each value for `hold` steps and
+    /// does not leave the region.
+    pub(crate) fn per_loop(hold: usize) -> usize {
+        2 * (2 * hold / EVERY + 2 * (AFTER_JUMP.min(hold) - 1))
+    }
+
+    /// Situations of the loops, as long as these stay about where they are to: one of each few steps
+    /// and those after jumps, and beside each one drawn around it.
     pub(crate) fn situations(
         &self,
         traces: &[Option<Trace>],
-        (region, step): (&Region, usize),
+        region: &Region,
         inputs: &Bounds,
         random: &mut ChaCha8Rng,
     ) -> Vec<Situation> {
         let (n, m) = (region.states.low.len(), region.u_before.len());
+        let ends = || region.states.low.iter().zip(&region.states.high);
+        let is_near = |x: &[f64]| {
+            let parts = x.iter().zip(ends());
+            parts.into_iter().all(|(value, (low, high))| {
+                let margin = LEFT * (high - low);
+                (low - margin..=high + margin).contains(value)
+            })
+        };
         let mut all = Vec::new();
         for (trace, reference) in traces.iter().zip(&self.references) {
             let Some(trace) = trace else { continue };
-            let (first, steps) = (random.random_range(0..step), trace.inputs.len() / m);
-            let jumps = |k: &usize| k % (steps / 2).max(1) < AFTER_JUMP || k % step == first;
-            for k in (0..steps).filter(jumps) {
+            let (first, steps) = (random.random_range(0..EVERY), trace.inputs.len() / m);
+            let states = trace.states.chunks_exact(n).take(steps);
+            let inside = states.take_while(|x| is_near(x)).count();
+            let jumps = |k: &usize| k % (steps / 2).max(1) < AFTER_JUMP || k % EVERY == first;
+            for k in (0..inside).filter(jumps) {
                 let x = &trace.states[k * n..(k + 1) * n];
                 let before = match k.checked_sub(1) {
                     None => &region.u_before[..],
@@ -176,13 +226,16 @@ pub(crate) fn label(
     Ok(labels?.into_iter().flatten().collect())
 }
 
-/// The bounds of a problem, with those on states moved inwards by a part of their size.
+/// The bounds of a problem, with those on states and outputs moved inwards by a part of their size.
 fn tightened(problem: &NmpcProblem, dims: Dims, part: f64) -> Result<BoundSchedule, MpcError> {
     let mut row = BoundSchedule::row(problem, dims);
-    let (lows, highs) = row.split_at_mut(dims.nx + dims.nu);
-    for (low, high) in lows.iter_mut().zip(highs).take(dims.nx) {
-        let step = part * size(*low, *high);
-        (*low, *high) = (*low + step, *high - step);
+    let width = row.len() / 2;
+    let (lows, highs) = row.split_at_mut(width);
+    for (i, (low, high)) in lows.iter_mut().zip(highs).enumerate() {
+        if !(dims.nx..dims.nx + dims.nu).contains(&i) {
+            let step = part * size(*low, *high);
+            (*low, *high) = (*low + step, *high - step);
+        }
     }
     BoundSchedule::new(Timetable::new(row.len(), [(0, row)])?, problem, dims)
 }
@@ -193,6 +246,13 @@ pub(crate) fn parts(nmpc: &Nmpc, at: &[f64]) -> [Vec<f64>; 3] {
     [at[..n].to_vec(), at[n..n + outputs].to_vec(), at[n + outputs..].to_vec()]
 }
 
+/// The plan of a controller that knows nothing of a step before; `None` if it is not optimal.
+fn plan(nmpc: &mut Nmpc, [x, r, u_before]: [&[f64]; 3]) -> Result<Option<Vec<f64>>, MpcError> {
+    nmpc.reset_input(u_before)?;
+    let status = nmpc.step(x, &r.repeat(nmpc.problem().horizon))?.status;
+    Ok((status == SqpStatus::Converged).then(|| nmpc.plan().inputs().to_vec()))
+}
+
 fn one(
     nmpc: &mut Nmpc,
     at: &[f64],
@@ -200,12 +260,8 @@ fn one(
     limits: &Limits,
 ) -> Result<Option<Label>, MpcError> {
     let [x, r, u_before] = parts(nmpc, at);
+    let Some(plan) = plan(nmpc, [&x, &r, &u_before])? else { return Ok(None) };
     let reference = r.repeat(nmpc.problem().horizon);
-    nmpc.reset_input(&u_before)?;
-    if nmpc.step(&x, &reference)?.status != SqpStatus::Converged {
-        return Ok(None);
-    }
-    let plan = nmpc.plan().inputs().to_vec();
     let bounds = plan.iter().zip(limits.bounds.low.iter().zip(&limits.bounds.high));
     let side = |(u, (low, high)): (&f64, (&f64, &f64))| {
         let near = AT_BOUND * if (high - low).is_finite() { high - low } else { 1.0 };

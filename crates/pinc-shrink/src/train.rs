@@ -38,7 +38,7 @@ struct Target {
 /// sum_i w_i ((N_i - u_i)^2 + 0.1 (dN_i - du_i)^2)
 /// ```
 ///
-/// in units in which the plans go from -1 to 1; w is 1 for the first input of a plan and 0.1 for the
+/// in units in which the plans go from -1 to 1; w is 1 for the first input of a plan and 0.3 for the
 /// others. An input at its bound is met by any value beyond it, since plans are moved into their
 /// bounds, and has no derivative to be met.
 #[derive(Debug)]

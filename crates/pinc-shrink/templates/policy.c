@@ -6,8 +6,18 @@
 /* A plan breaks its bounds if it is outside by more than this part of their size. */
 #define TOLERANCE PINC_N(1e-6)
 
-/* Tried parts of the way from the shifted plan to the net's, in quarters. */
-static const int quarters[3] = {1, 2, 4};
+/* Plans are rated side by side: the shifted one, which holds its last input; the same with the last
+   input of the net's; the one halfway between that and the net's; and the net's. */
+#define PINC_POINTS 4
+#define PINC_GROUPS ((PINC_POINTS + PINC_LANES - 1) / PINC_LANES)
+
+/* States, inputs and outputs of a point. */
+#define PINC_ROW (PINC_NX + PINC_NU + @OUTPUTS@)
+
+@FUNCTIONS@
+/* Rows of a layer's matrix that are summed at a time, and the numbers behind a layer that the last of
+   these sums may write. */
+#define PINC_BLOCK (4 * PINC_LANES)
 
 static const int widths[@LAYERS@] = {@WIDTHS@};
 
@@ -20,28 +30,6 @@ static PINC_REAL larger(PINC_REAL a, PINC_REAL b)
 static PINC_REAL smaller(PINC_REAL a, PINC_REAL b)
 {
     return (a < b) ? a : b;
-}
-
-/* tanh z: the continued fraction of tanh (z/4), doubled twice. */
-static PINC_REAL tanh_of(PINC_REAL z)
-{
-    const PINC_REAL y = smaller(larger(z, PINC_N(-20)), PINC_N(20)) * PINC_N(0.25);
-    const PINC_REAL s = y * y;
-    PINC_REAL p = (s * PINC_N(1.0 / 34459425.0)) + PINC_N(2.0 / 69615.0);
-    PINC_REAL q = (s * PINC_N(1.0 / 765765.0)) + PINC_N(4.0 / 9945.0);
-    PINC_REAL product;
-    p = (p * s) + PINC_N(1.0 / 255.0);
-    q = (q * s) + PINC_N(7.0 / 255.0);
-    p = (p * s) + PINC_N(7.0 / 51.0);
-    q = (q * s) + PINC_N(8.0 / 17.0);
-    p = ((p * s) + PINC_N(1)) * y;
-    q = (q * s) + PINC_N(1);
-    product = p * q;
-    q = (q * q) + (p * p);
-    p = product + product;
-    product = p * q;
-    q = (q * q) + (p * p);
-    return (product + product) / q;
 }
 
 /* Moves a plan into the bounds of inputs and increments. */
@@ -57,89 +45,135 @@ static void project(const PINC_REAL u_before[PINC_NU], PINC_REAL plan[PINC_POLIC
     }
 }
 
+/* out = W in + b for a layer; the weights of an input lie one behind the other. */
+static void layer(const PINC_REAL *bias, const PINC_REAL *in, int inputs, int outputs, int hidden,
+                  PINC_REAL *out)
+{
+    int first;
+    int k;
+    for (first = 0; first < outputs; first += PINC_BLOCK) {
+        const PINC_REAL *row = bias + first;
+        pinc_loose *to = (pinc_loose *)(out + first);
+        pinc_vector a = *(const pinc_loose *)row;
+        pinc_vector b = *(const pinc_loose *)(row + PINC_LANES);
+        pinc_vector c = *(const pinc_loose *)(row + (2 * PINC_LANES));
+        pinc_vector d = *(const pinc_loose *)(row + (3 * PINC_LANES));
+        for (k = 0; k < inputs; k++) {
+            row += outputs;
+            a += *(const pinc_loose *)row * in[k];
+            b += *(const pinc_loose *)(row + PINC_LANES) * in[k];
+            c += *(const pinc_loose *)(row + (2 * PINC_LANES)) * in[k];
+            d += *(const pinc_loose *)(row + (3 * PINC_LANES)) * in[k];
+        }
+        to[0] = hidden ? pinc_tanh(a) : a;
+        to[1] = hidden ? pinc_tanh(b) : b;
+        to[2] = hidden ? pinc_tanh(c) : c;
+        to[3] = hidden ? pinc_tanh(d) : d;
+    }
+}
+
 void pinc_policy_plan(const PINC_REAL x[PINC_NX], const PINC_REAL reference[PINC_POLICY_TRACKED],
                       const PINC_REAL u_before[PINC_NU], PINC_REAL plan[PINC_POLICY_INPUTS])
 {
-    PINC_REAL values[2][@WIDEST@];
+    PINC_REAL values[2][@WIDEST@ + PINC_BLOCK];
     const PINC_REAL *weight = weights;
     int i;
-    int k;
-    int layer;
-    for (i = 0; i < widths[0]; i++) {
-        PINC_REAL value;
-        if (i < PINC_NX) {
-            value = x[i];
-        } else if (i < PINC_NX + PINC_POLICY_TRACKED) {
-            value = reference[i - PINC_NX];
-        } else {
-            value = u_before[i - PINC_NX - PINC_POLICY_TRACKED];
-        }
-        values[0][i] = (value - in_middle[i]) / in_half[i];
+    int l;
+    for (i = 0; i < PINC_NX; i++) {
+        values[0][i] = x[i];
     }
-    for (layer = 1; layer < @LAYERS@; layer++) {
-        const int n = widths[layer - 1];
-        const int m = widths[layer];
-        const PINC_REAL *below = values[(layer - 1) % 2];
-        PINC_REAL *above = values[layer % 2];
-        const PINC_REAL *bias = weight + (n * m);
-        for (i = 0; i < m; i++) {
-            PINC_REAL sum = bias[i];
-            for (k = 0; k < n; k++) {
-                sum += weight[(i * n) + k] * below[k];
-            }
-            above[i] = (layer + 1 < @LAYERS@) ? tanh_of(sum) : sum;
-        }
-        weight = bias + m;
+    for (i = 0; i < PINC_POLICY_TRACKED; i++) {
+        values[0][PINC_NX + i] = reference[i];
     }
-    for (i = 0; i < PINC_POLICY_INPUTS; i++) {
-        plan[i] = out_middle[i] + (out_half[i] * values[(@LAYERS@ - 1) % 2][i]);
+    for (i = 0; i < PINC_NU; i++) {
+        values[0][PINC_NX + PINC_POLICY_TRACKED + i] = u_before[i];
     }
+    for (l = 1; l < @LAYERS@; l++) {
+        layer(weight, values[(l - 1) % 2], widths[l - 1], widths[l], l + 1 < @LAYERS@,
+              values[l % 2]);
+        weight += (widths[l - 1] + 1) * widths[l];
+    }
+    memcpy(plan, values[(@LAYERS@ - 1) % 2], PINC_POLICY_INPUTS * sizeof(PINC_REAL));
     project(u_before, plan);
 }
 
-/* The cost of a plan by a rollout of the model, and by how much it breaks the bounds. */
-static void rate(const PINC_REAL start[PINC_NX], const PINC_REAL reference[PINC_POLICY_TRACKED],
-                 const PINC_REAL u_before[PINC_NU], const PINC_REAL plan[PINC_POLICY_INPUTS],
-                 PINC_REAL *cost, PINC_REAL *violation)
+/* By how much points of interval j are outside bounds; later ones count less. */
+static void limit(pinc_vector z[PINC_GROUPS][PINC_ROW], int j, int first, int end,
+                  pinc_vector violation[PINC_GROUPS])
 {
-    PINC_REAL x[PINC_NX];
-    PINC_REAL next[PINC_NX];
-    PINC_REAL error[PINC_POLICY_TRACKED];
+    int g;
+    int n;
+    for (g = 0; g < PINC_GROUPS; g++) {
+        for (n = first; n < end; n++) {
+            const pinc_vector value = z[g][bounded[n]];
+            const int at = (j * BOUNDED) + n;
+            const pinc_vector outside = pinc_larger(bound_low[at] - value, value - bound_high[at]);
+            violation[g] = pinc_larger(outside * bound_scale[at], violation[g]);
+        }
+    }
+}
+
+/* The costs of plans by rollouts of the model, and by how much they break the bounds. */
+static void rate(const PINC_REAL start[PINC_NX], const PINC_REAL reference[PINC_POLICY_TRACKED],
+                 const PINC_REAL u_before[PINC_NU],
+                 pinc_vector plans[PINC_GROUPS][PINC_POLICY_INPUTS], pinc_vector cost[PINC_GROUPS],
+                 pinc_vector violation[PINC_GROUPS])
+{
+    const pinc_vector zero = {0};
+    const pinc_vector huge = zero + PINC_N(1e30);
+    pinc_vector z[PINC_GROUPS][PINC_ROW];
+    pinc_vector change[PINC_NU];
+    pinc_vector error[PINC_POLICY_TRACKED];
+    /* 0, or no number if something is not finite. */
+    pinc_vector finite[PINC_GROUPS];
+    int g;
     int i;
     int j;
-    int k;
-    *cost = PINC_N(0);
-    *violation = PINC_N(0);
-    memcpy(x, start, sizeof(x));
-    for (j = 0; j < @CONTROLS@; j++) {
-        const PINC_REAL *u = plan + (j * PINC_NU);
-        const PINC_REAL *before = (j == 0) ? u_before : u - PINC_NU;
+    int n;
+    for (g = 0; g < PINC_GROUPS; g++) {
+        cost[g] = zero;
+        violation[g] = zero;
+        finite[g] = zero;
+        for (i = 0; i < PINC_NX; i++) {
+            z[g][i] = zero + start[i];
+        }
         for (i = 0; i < PINC_NU; i++) {
-            for (k = 0; k < PINC_NU; k++) {
-                *cost += (u[i] - before[i]) * r[(((j * PINC_NU) + i) * PINC_NU) + k] *
-                         (u[k] - before[k]);
-            }
+            z[g][PINC_NX + i] = zero + u_before[i];
         }
     }
     for (j = 0; j < @HORIZON@; j++) {
-        const int acting = (j < @CONTROLS@) ? j : @CONTROLS@ - 1;
-        const PINC_REAL *u = plan + (acting * PINC_NU);
-        pinc_@MODEL@_step(x, u, next);
-        memcpy(x, next, sizeof(x));
-        for (i = 0; i < PINC_NX; i++) {
-            const int at = (j * PINC_NX) + i;
-            const PINC_REAL outside = larger(state_low[at] - x[i], x[i] - state_high[at]);
-            /* A state that is no number breaks all bounds. */
-            const PINC_REAL number = (x[i] - x[i] == PINC_N(0)) ? outside : PINC_N(1e30);
-            *violation = larger(*violation, number / state_size[at]);
-        }
-@VALUES@
-        for (i = 0; i < PINC_POLICY_TRACKED; i++) {
-            for (k = 0; k < PINC_POLICY_TRACKED; k++) {
-                const int at = (((j * PINC_POLICY_TRACKED) + i) * PINC_POLICY_TRACKED) + k;
-                *cost += error[i] * q[at] * error[k];
+        for (g = 0; (j < @CONTROLS@) && (g < PINC_GROUPS); g++) {
+            for (i = 0; i < PINC_NU; i++) {
+                change[i] = plans[g][(j * PINC_NU) + i] - z[g][PINC_NX + i];
+                z[g][PINC_NX + i] = plans[g][(j * PINC_NU) + i];
+            }
+            for (n = 0; n < R_ENTRIES; n++) {
+                cost[g] += change[r_row[n]] * change[r_column[n]] * r[(j * R_ENTRIES) + n];
             }
         }
+#if BOUNDED > BOUNDED_ENDS
+        pinc_outputs_of(z);
+        limit(z, j, BOUNDED_ENDS, BOUNDED, violation);
+#endif
+        pinc_advance(z);
+#if @OUTPUTS@ > 0
+        pinc_outputs_of(z);
+#endif
+        limit(z, j, 0, BOUNDED_ENDS, violation);
+        for (g = 0; g < PINC_GROUPS; g++) {
+            for (i = 0; i < PINC_ROW; i++) {
+                finite[g] += z[g][i] - z[g][i];
+            }
+            for (i = 0; i < PINC_POLICY_TRACKED; i++) {
+                error[i] = z[g][tracked[i]] - reference[i];
+            }
+            for (n = 0; n < Q_ENTRIES; n++) {
+                cost[g] += error[q_row[n]] * error[q_column[n]] * q[(j * Q_ENTRIES) + n];
+            }
+        }
+    }
+    for (g = 0; g < PINC_GROUPS; g++) {
+        violation[g] = PINC_WHERE(finite[g] >= zero, violation[g], huge);
     }
 }
 
@@ -153,16 +187,10 @@ void pinc_policy_reset(pinc_policy *policy, const PINC_REAL u[PINC_NU])
     policy->planned = 0;
 }
 
-/* A plan between the one in use and another. */
-static void between(const pinc_policy *policy, const PINC_REAL other[PINC_POLICY_INPUTS], int part,
-                    PINC_REAL plan[PINC_POLICY_INPUTS])
+void pinc_policy_begin(pinc_policy *policy, const PINC_REAL plan[PINC_POLICY_INPUTS])
 {
-    const PINC_REAL weight = PINC_N(0.25) * (PINC_REAL)part;
-    int i;
-    for (i = 0; i < PINC_POLICY_INPUTS; i++) {
-        plan[i] = ((PINC_N(1) - weight) * policy->plan[i]) + (weight * other[i]);
-    }
-    project(policy->u, plan);
+    memcpy(policy->plan, plan, sizeof(policy->plan));
+    policy->planned = 0;
 }
 
 int pinc_policy_step(pinc_policy *policy, const PINC_REAL x[PINC_NX],
@@ -170,8 +198,11 @@ int pinc_policy_step(pinc_policy *policy, const PINC_REAL x[PINC_NX],
 {
     PINC_REAL candidate[PINC_POLICY_INPUTS];
     PINC_REAL trial[PINC_POLICY_INPUTS];
-    PINC_REAL cost[2];
-    PINC_REAL violation[2];
+    pinc_vector plans[PINC_GROUPS][PINC_POLICY_INPUTS];
+    pinc_vector costs[PINC_GROUPS];
+    pinc_vector violations[PINC_GROUPS];
+    const PINC_REAL *cost = (const PINC_REAL *)costs;
+    const PINC_REAL *violation = (const PINC_REAL *)violations;
     const int shift = policy->planned ? PINC_NU : 0;
     int taken = 0;
     int i;
@@ -183,16 +214,29 @@ int pinc_policy_step(pinc_policy *policy, const PINC_REAL x[PINC_NX],
     policy->planned = 1;
     project(policy->u, policy->plan);
     pinc_policy_plan(x, reference, policy->u, candidate);
-    rate(x, reference, policy->u, policy->plan, &cost[1], &violation[1]);
-    for (k = 0; k < 3; k++) {
-        int better;
-        between(policy, candidate, quarters[k], trial);
-        rate(x, reference, policy->u, trial, &cost[0], &violation[0]);
-        better = (violation[0] < larger(violation[1], TOLERANCE)) &
-                 ((violation[1] >= TOLERANCE) | (cost[0] <= cost[1]));
-        taken = better ? quarters[k] : taken;
+    for (k = 0; k < PINC_GROUPS * PINC_LANES; k++) {
+        static const PINC_REAL parts[PINC_POINTS] = {PINC_N(0), PINC_N(0), PINC_N(0.5), PINC_N(1)};
+        const int plan = k % PINC_POINTS;
+        for (i = 0; i < PINC_POLICY_INPUTS; i++) {
+            const int is_last = (plan > 0) & (i >= PINC_POLICY_INPUTS - PINC_NU);
+            const PINC_REAL part = is_last ? PINC_N(1) : parts[plan];
+            trial[i] = ((PINC_N(1) - part) * policy->plan[i]) + (part * candidate[i]);
+        }
+        project(policy->u, trial);
+        for (i = 0; i < PINC_POLICY_INPUTS; i++) {
+            PINC_LANE(plans[k / PINC_LANES][i], k % PINC_LANES) = trial[i];
+        }
     }
-    between(policy, candidate, taken, policy->plan);
+    rate(x, reference, policy->u, plans, costs, violations);
+    for (k = 1; k < PINC_POINTS; k++) {
+        const PINC_REAL own = larger(violation[k], TOLERANCE);
+        const PINC_REAL best = larger(violation[taken], TOLERANCE);
+        const int better = (own < best) | ((own <= best) & (cost[k] < cost[taken]));
+        taken = better ? k : taken;
+    }
+    for (i = 0; i < PINC_POLICY_INPUTS; i++) {
+        policy->plan[i] = PINC_LANE(plans[taken / PINC_LANES][i], taken % PINC_LANES);
+    }
     for (i = 0; i < PINC_NU; i++) {
         policy->u[i] = policy->plan[i];
         u[i] = policy->plan[i];

@@ -20,19 +20,21 @@ typedef struct {
     int planned;
 } pinc_policy;
 
-/** Begins with `u`, the input applied last. */
+/** Begins with `u`, the input applied last, and a plan that holds it. */
 void pinc_policy_reset(pinc_policy *policy, const PINC_REAL u[PINC_NU]);
+
+/** Gives the first step after a reset another plan to start from, as the controller's, step by step. */
+void pinc_policy_begin(pinc_policy *policy, const PINC_REAL plan[PINC_POLICY_INPUTS]);
 
 /** Writes the net's plan, moved into the bounds of the inputs. */
 void pinc_policy_plan(const PINC_REAL x[PINC_NX], const PINC_REAL reference[PINC_POLICY_TRACKED],
                       const PINC_REAL u_before[PINC_NU], PINC_REAL plan[PINC_POLICY_INPUTS]);
 
 /**
- * Writes the input to apply to `u`: the first of the net's plan if that stays within the bounds by
- * the model and costs no more than the plan before it, shifted; else the first of a plan half or a
- * quarter of the way from the shifted plan to the net's, if that does; else of the shifted plan.
- * Returns how many quarters of the way were taken: 4, 2, 1 or 0. The time does not depend on the
- * numbers.
+ * Writes the input to apply to `u`: the first of the plan that, by the model, stays within the bounds
+ * and costs least, or, if none stays within them, breaks them least. Returns which that is: 3, the
+ * net's; 0, the plan before, shifted, which holds its last input; 1, the same with the last input of
+ * the net's; 2, the one halfway between that and the net's. The time does not depend on the numbers.
  */
 int pinc_policy_step(pinc_policy *policy, const PINC_REAL x[PINC_NX],
                      const PINC_REAL reference[PINC_POLICY_TRACKED], PINC_REAL u[PINC_NU]);

@@ -3,8 +3,15 @@
 
 use pinc_ad::Scalar;
 use pinc_batch::NmpcBatch;
-use pinc_mpc::{Bounds, Constraints, Nmpc, NmpcProblem, SqpConfig, StageConstraints, Weights};
-use pinc_ode::{Dims, Rk4, Simulator};
+use pinc_export::{
+    Controller, GeneratedFile, ModelSource, Name, Origin, RungeKuttaModel, controller_to_c,
+};
+use pinc_expr::{Equations, OutputExpression, PlantEquations};
+use pinc_mpc::{
+    Bounds, Constraints, Nmpc, NmpcProblem, Reference, SqpConfig, StageConstraints, Tracked,
+    Weights,
+};
+use pinc_ode::{Dims, Integrator, Simulator, Variable};
 use pinc_plants::VanDerPol;
 use pinc_shrink::{Checked, Region, ShrinkConfig, ShrinkError, Shrunk, policy_to_c, rate, shrink};
 use std::path::Path;
@@ -21,8 +28,44 @@ fn problem() -> NmpcProblem {
 }
 
 fn controller(problem: NmpcProblem) -> Nmpc {
-    let model = Rk4::new(VanDerPol::default(), 0.5, 4);
-    Nmpc::new(problem, Box::new(model), SqpConfig::default()).unwrap()
+    controller_of(&VanDerPol::default().equations(), problem)
+}
+
+fn controller_of(equations: &PlantEquations, problem: NmpcProblem) -> Nmpc {
+    let model = equations.to_dyn().unwrap().model(Integrator::Rk4, 0.5, 4).unwrap();
+    Nmpc::new(problem, model, SqpConfig::default()).unwrap()
+}
+
+/// A pendulum, its height and the force at its joint, which depends on the torque.
+fn pendulum() -> PlantEquations {
+    let texts = |pairs: [(&str, &str); 2]| pairs.map(|(of, text)| (of.to_owned(), text.to_owned()));
+    let output = |expression: &str| OutputExpression {
+        expression: expression.to_owned(),
+        unit: String::new(),
+    };
+    let equations = Equations {
+        states: vec![Variable::new("a", "rad"), Variable::new("w", "rad/s")],
+        inputs: vec![Variable::new("u", "Nm")],
+        derivatives: texts([("a", "w"), ("w", "max(u, -3) - sin(a) - 0.2*abs(w)*w - 0.1*w")])
+            .into(),
+        outputs: [
+            ("force".to_owned(), output("sqrt(1 + w^2) + 0.5*u")),
+            ("height".to_owned(), output("sin(a) + 0.1*min(a, a^3)")),
+        ]
+        .into(),
+        ..Equations::default()
+    };
+    equations.into()
+}
+
+/// Follows the height and keeps the force below a limit that is met.
+fn pendulum_problem() -> NmpcProblem {
+    let no = f64::INFINITY;
+    NmpcProblem {
+        tracked: vec![Tracked::Output(1), Tracked::State(1)],
+        output_bounds: Some(Bounds::new(vec![0.5, -no], vec![1.3, no])),
+        ..problem()
+    }
 }
 
 fn region() -> Region {
@@ -34,9 +77,18 @@ fn region() -> Region {
 }
 
 fn shrunk(config: &ShrinkConfig, threads: usize) -> Shrunk {
-    let make = || Ok::<_, ShrinkError>(controller(problem()));
+    shrunk_of(&VanDerPol::default().equations(), &problem(), config, threads)
+}
+
+fn shrunk_of(
+    equations: &PlantEquations,
+    problem: &NmpcProblem,
+    config: &ShrinkConfig,
+    threads: usize,
+) -> Shrunk {
+    let make = || Ok::<_, ShrinkError>(controller_of(equations, problem.clone()));
     let mut batch = NmpcBatch::new(threads, make).unwrap();
-    let plant = Simulator::new(&VanDerPol::default(), 1e-9);
+    let plant = Simulator::new(&*equations.to_dyn().unwrap(), 1e-9);
     shrink(&mut batch, &plant, &region(), config, &mut |_| {}).unwrap()
 }
 
@@ -83,6 +135,7 @@ fn a_net_follows_as_its_controller() {
     assert!((0.9..1.1).contains(&(judged.net.iae / judged.nmpc.iae)), "{judged:?}");
     assert_eq!(judged.checked.newly_broken, 0, "{judged:?}");
     assert!(judged.checked.kept > 0.3, "{judged:?}");
+    assert!((1000..=small().samples).contains(&found.labels), "{}", found.labels);
     let config = ShrinkConfig { iterations: 5, loops: 4, threads: 2, ..small() };
     let (one, two) =
         (shrunk(&ShrinkConfig { threads: 1, ..config.clone() }, 1), shrunk(&config, 2));
@@ -112,45 +165,6 @@ fn constraints_are_refused() {
     assert!(refused.to_string().contains("constraints h and g"), "{refused}");
 }
 
-/// RK4 of the oscillator in C, written by hand: x1' = x2, x2' = (1 - x1^2) x2 - x1 + u.
-const MODEL_H: &str = "\
-#ifndef VDP_RK4_H
-#define VDP_RK4_H
-#define VDP_REAL double
-#define VDP_N(value) ((double)(value))
-#define VDP_NX 2
-#define VDP_NU 1
-void vdp_rk4_step(const double x[2], const double u[1], double next[2]);
-#endif
-";
-const MODEL_C: &str = "\
-#include \"vdp_rk4.h\"
-static void f(const double x[2], double u, double d[2])
-{
-    d[0] = x[1];
-    d[1] = (1.0 - x[0] * x[0]) * x[1] - x[0] + u;
-}
-void vdp_rk4_step(const double x[2], const double u[1], double next[2])
-{
-    const double h = 0.125;
-    double y[2] = {x[0], x[1]};
-    int s, i;
-    for (s = 0; s < 4; s++) {
-        double k[4][2], at[2];
-        f(y, u[0], k[0]);
-        for (i = 0; i < 2; i++) at[i] = y[i] + 0.5 * h * k[0][i];
-        f(at, u[0], k[1]);
-        for (i = 0; i < 2; i++) at[i] = y[i] + 0.5 * h * k[1][i];
-        f(at, u[0], k[2]);
-        for (i = 0; i < 2; i++) at[i] = y[i] + h * k[2][i];
-        f(at, u[0], k[3]);
-        for (i = 0; i < 2; i++) y[i] += h / 6.0 * (k[0][i] + 2.0 * k[1][i] + 2.0 * k[2][i] + k[3][i]);
-    }
-    next[0] = y[0];
-    next[1] = y[1];
-}
-";
-
 /// A loop in C on the model: per step the input and whether the net's plan was kept.
 const MAIN_C: &str = "\
 #include \"vdp_policy.h\"
@@ -174,50 +188,102 @@ int main(void)
 }
 ";
 
+/// The policy as C, and the controller whose model it uses.
+fn files(equations: &PlantEquations, shrunk: &Shrunk, nmpc: &mut Nmpc) -> Vec<GeneratedFile> {
+    let problem = nmpc.problem().clone();
+    let name = Name::new("vdp").unwrap();
+    let variables = |count: usize, letter: &str| {
+        let variable =
+            |i| Variable { name: format!("{letter}{i}").into(), unit: String::new().into() };
+        (0..count).map(variable).collect()
+    };
+    let origin = Origin {
+        version: "0".to_owned(),
+        hash: "00".to_owned(),
+        states: variables(2, "x"),
+        inputs: variables(1, "u"),
+        outputs: variables(nmpc.model().dims().ny, "y"),
+        proven: None,
+    };
+    let controller = Controller {
+        problem: &problem,
+        config: &SqpConfig::default(),
+        model: ModelSource::RungeKutta(RungeKuttaModel {
+            equations,
+            parameters: &[],
+            method: Integrator::Rk4,
+            sample_time_s: 0.5,
+            substeps: 4,
+        }),
+        equations: None,
+        estimates_error: false,
+        guard: None,
+        initial_state: &[0.0; 2],
+        initial_input: None,
+        reference: &Reference::new(vec![0.0; 2], 2).unwrap(),
+        preview: false,
+        budget_us: None,
+        estimator: None,
+    };
+    let mut files = Vec::from(policy_to_c(&shrunk.policy, nmpc, &controller, &name).unwrap());
+    let library = controller_of(equations, problem.clone());
+    files.extend(controller_to_c(&controller, library, &name, &origin).unwrap());
+    files
+}
+
 /// The exported policy chooses the same inputs as the library, in double precision.
 #[test]
 fn exported_c_decides_as_the_library() {
-    let found = shrunk(&ShrinkConfig { iterations: 3, samples: 300, loops: 1, ..small() }, 1);
-    let mut nmpc = controller(problem());
-    let [header, source] = policy_to_c(&found.policy, &mut nmpc, "vdp", "rk4");
-    let dir = Path::new(env!("CARGO_TARGET_TMPDIR")).join("policy");
+    let of_states = decides_as_the_library(&VanDerPol::default().equations(), &problem(), "policy");
+    let of_outputs = decides_as_the_library(&pendulum(), &pendulum_problem(), "policy-outputs");
+    let taken = of_states + &of_outputs;
+    // All plans were taken at some time.
+    assert!(taken.contains(['0', '1']) && taken.contains('2') && taken.contains('3'), "{taken}");
+}
+
+/// Runs a loop by C and by the library; which plans were taken.
+fn decides_as_the_library(equations: &PlantEquations, problem: &NmpcProblem, dir: &str) -> String {
+    let config = ShrinkConfig { iterations: 3, samples: 300, loops: 1, ..small() };
+    let found = shrunk_of(equations, problem, &config, 1);
+    let mut nmpc = controller_of(equations, problem.clone());
+    let dir = Path::new(env!("CARGO_TARGET_TMPDIR")).join(dir);
     fs::create_dir_all(&dir).unwrap();
-    let files = [
-        ("vdp_policy.h", header.as_str()),
-        ("vdp_policy.c", &source),
-        ("vdp_rk4.h", MODEL_H),
-        ("vdp_rk4.c", MODEL_C),
-        ("main.c", MAIN_C),
-    ];
-    for (name, text) in files {
-        fs::write(dir.join(name), text).unwrap();
+    for file in files(equations, &found, &mut nmpc) {
+        fs::write(dir.join(&file.path), &file.bytes).unwrap();
     }
-    let built = Command::new("cc")
-        .args(["-std=c99", "-O1", "-Wall", "-Wextra", "-Werror", "-o", "run"])
-        .args(["main.c", "vdp_policy.c", "vdp_rk4.c"])
-        .current_dir(&dir)
-        .output()
-        .unwrap();
-    assert!(built.status.success(), "{}", String::from_utf8_lossy(&built.stderr));
-    let run = Command::new(dir.join("run")).output().unwrap();
-    let printed = String::from_utf8(run.stdout).unwrap();
-    let mut checked = Checked::new(found.policy);
+    fs::write(dir.join("main.c"), MAIN_C).unwrap();
+    // One plan in each lane, and one lane.
+    let run = |more: &[&str]| {
+        let built = Command::new("cc")
+            .args(["-std=c99", "-O1", "-Wall", "-Wextra", "-Werror", "-Wconversion", "-o", "run"])
+            .args(more)
+            .args(["main.c", "vdp_policy.c", "vdp_rk4.c", "-lm"])
+            .current_dir(&dir)
+            .output()
+            .unwrap();
+        assert!(built.status.success(), "{}", String::from_utf8_lossy(&built.stderr));
+        let run = Command::new(dir.join("run")).output().unwrap();
+        String::from_utf8(run.stdout).unwrap()
+    };
+    let printed = [run(&[]), run(&["-DVDP_VECTOR_BYTES=0"])];
+    let mut checked = Checked::new(found.policy, &[0.0]);
     let (mut x, mut u) = (vec![0.6, -0.2], vec![0.0]);
     let mut kept = String::new();
-    for (k, line) in printed.lines().enumerate() {
+    for (k, (line, other)) in printed[0].lines().zip(printed[1].lines()).enumerate() {
         let r = if k < 30 { 0.4 } else { -0.3 };
-        let part = checked.decide(&mut nmpc, &x, &[r, 0.0], &u);
+        let taken = checked.decide(&mut nmpc, &x, &[r, 0.0], &u);
         u.copy_from_slice(&checked.plan()[..1]);
-        let (value, flag) = line.split_once(' ').unwrap();
-        let value: f64 = value.parse().unwrap();
-        assert!((value - u[0]).abs() < 1e-9, "step {k}: {value} is not {}", u[0]);
-        assert_eq!(flag, (4.0 * part).to_string(), "step {k}");
-        kept += flag;
+        for line in [line, other] {
+            let (value, flag) = line.split_once(' ').unwrap();
+            let value: f64 = value.parse().unwrap();
+            assert!((value - u[0]).abs() < 1e-9, "step {k}: {value} is not {}", u[0]);
+            assert_eq!(flag, taken.to_string(), "step {k}");
+        }
+        kept += &taken.to_string();
         let mut next = [0.0; 2];
         nmpc.program().step(0, &x, &u, &mut next);
         x.copy_from_slice(&next);
     }
-    assert_eq!(printed.lines().count(), 60);
-    // All ways are gone.
-    assert!(kept.contains('0') && kept.contains(['1', '2']) && kept.contains('4'), "{kept}");
+    assert_eq!(printed.map(|text| text.lines().count()), [60, 60]);
+    kept
 }

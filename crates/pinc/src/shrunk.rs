@@ -29,7 +29,7 @@ pub(crate) struct ShrinkArgs {
     /// Neurons in each of the two hidden layers.
     #[arg(long, default_value_t = ShrinkOptions::default().neurons, value_parser = count(1, 200))]
     neurons: usize,
-    /// Plans to train on, about.
+    /// Plans to make and train on.
     #[arg(long, default_value_t = ShrinkOptions::default().samples, value_parser = count(100, MOST))]
     samples: usize,
     /// The most iterations of the training.

@@ -146,18 +146,18 @@ def shrink(
     overrides: Overrides = None,
     *,
     only: Optional[str] = None,
-    neurons: int = 30,
-    samples: int = 16_000,
-    iterations: int = 2000,
-    loops: int = 200,
+    neurons: Optional[int] = None,
+    samples: Optional[int] = None,
+    iterations: Optional[int] = None,
+    loops: Optional[int] = None,
     verbose: bool = False,
 ) -> Shrunk:
     """Trains a net in place of a config's controller, judges its closed loops beside the controller's,
     and writes it as C with a check of its plans, as ``pinc shrink`` does.
 
-    The net has two layers of ``neurons``, is trained on about ``samples`` plans for at most
-    ``iterations``, and judged by ``loops`` it was not trained on. Results are in ``out``, by default
-    ``runs/<name>-shrink``.
+    The net has two layers of ``neurons``, is trained on ``samples`` plans for at most ``iterations``,
+    and judged by ``loops`` it was not trained on; each is the command's default if left out. Results
+    are in ``out``, by default ``runs/<name>-shrink``.
     """
     with _files(model) as (path, _):
         common = _Common(config, overrides, path, only, out, verbose=verbose)

@@ -34,6 +34,13 @@ fn sound_configs_give_no_cause_for_warnings() {
     }
 }
 
+#[test]
+fn an_unknown_number_to_minimize_is_named() {
+    let findings = findings("van-der-pol/search.toml", &["sweep.search.minimize=mse"]);
+    let unknown = with(&findings, &["mse", "no loop of this config has such a number"]);
+    assert_eq!((unknown.severity, &*unknown.place), (Severity::Error, "sweep.search.minimize"));
+}
+
 /// The bounds are above what was found, and as near as a small proof is.
 #[test]
 fn the_proven_error_of_rk4_is_reported() {

@@ -1,0 +1,9 @@
+
+/* The outputs. */
+static void pinc_outputs_of(pinc_vector z[PINC_GROUPS][PINC_ROW])
+{
+    int g;
+    for (g = 0; g < PINC_GROUPS; g++) {
+        pinc_outputs_at(z[g], z[g] + PINC_NX, z[g] + PINC_NX + PINC_NU);
+    }
+}
