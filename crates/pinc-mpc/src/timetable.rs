@@ -282,8 +282,7 @@ impl Nmpc {
     }
 
     /// Where the last plan expects the states after each stage, the least and the greatest of each:
-    /// over the branches of [`NmpcProblem::scenarios`], or as far as the tube reaches; `None` without
-    /// either.
+    /// over the branches of scenarios, or as far as the tube reaches; `None` without either.
     #[must_use]
     pub fn expected(&self) -> Option<Vec<[Vec<f64>; 2]>> {
         let dims = self.sqp.dims();
@@ -295,8 +294,7 @@ impl Nmpc {
         for (node, x) in (1..).zip(self.plan().states().chunks_exact(dims.nx)) {
             let depth = dims.tree.depth(node);
             if stages.len() < depth {
-                let none = |value: f64| vec![value; dims.nx];
-                stages.push([none(f64::INFINITY), none(f64::NEG_INFINITY)]);
+                stages.push([f64::INFINITY, f64::NEG_INFINITY].map(|end| vec![end; dims.nx]));
             }
             let [low, high] = &mut stages[depth - 1];
             for (i, x) in x.iter().enumerate() {
