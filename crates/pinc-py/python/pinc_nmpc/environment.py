@@ -163,11 +163,13 @@ class NmpcPolicy:
             another = copy.copy(self._controllers[0])
             another.reset()
             self._controllers.append(another)
-        starts = np.broadcast_to(episode_start is not None and episode_start, len(rows))
-        self.steps = []
-        for controller, row, start in zip(self._controllers, rows, starts):
-            if start:
-                controller.reset()
-            self.steps.append(controller.step(row[: self._measured], row[self._measured :]))
+        if episode_start is not None:
+            for controller, start in zip(self._controllers, np.broadcast_to(episode_start, len(rows))):
+                if start:
+                    controller.reset()
+        self.steps = [
+            controller.step(row[: self._measured], row[self._measured :])
+            for controller, row in zip(self._controllers, rows)
+        ]
         actions = np.array([step.u for step in self.steps])
         return actions[0] if given.ndim < 2 else actions, state
