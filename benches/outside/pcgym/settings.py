@@ -132,6 +132,7 @@ SETTINGS = {
     },
     "biofilm_start": {
         "model": "biofilm_reactor",
+        "control": {"rk4_substeps": 1},
         "step": 0.1,
         "x0": [10, 5, 5, 300] * 4,
         "input": ([0, 1, 0.05, 0.05, 0.05], [10, 30, 1, 1, 1]),
