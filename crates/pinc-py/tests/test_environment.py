@@ -12,7 +12,7 @@ import pinc_nmpc as pinc
 pytest.importorskip("gymnasium")
 if sys.version_info < (3, 11):
     pytest.skip("tomllib is part of Python 3.11", allow_module_level=True)
-from pinc_nmpc.environment import LoopEnv  # noqa: E402
+from pinc_nmpc.environment import LoopEnv, NmpcPolicy  # noqa: E402
 
 
 def test_the_controller_in_the_environment_is_the_closed_loop(
@@ -56,3 +56,39 @@ def test_the_environment_follows_the_rules_of_gymnasium(smoke: Path) -> None:
     assert info["x"] == pytest.approx(
         pinc.Plant(smoke).simulate([0.0, 0.0], [1.0])[1], abs=1e-9
     )
+
+
+def test_a_controller_is_a_policy_of_the_environment(smoke: Path) -> None:
+    env, controller = LoopEnv(smoke), pinc.Nmpc(smoke, only="rk4")
+    policy = NmpcPolicy(pinc.Nmpc(smoke, only="rk4"))
+    observation, _ = env.reset(options={"x": [0.3, -0.2]})
+    for _ in range(4):
+        action, state = policy.predict(observation, deterministic=True)
+        assert state is None and policy.steps[0].status == "converged"
+        assert np.array_equal(action, controller.step(observation[:2], observation[2:]).u)
+        observation, *_ = env.step(action)
+
+
+def test_rows_of_observations_have_a_controller_each(smoke: Path) -> None:
+    reference = [1.0, 0.0]
+    first, second = [1.0, 0.05, *reference], [-0.5, 0.4, *reference]
+    alone = [pinc.Nmpc(smoke, only="rk4") for _ in range(2)]
+    policy = NmpcPolicy(pinc.Nmpc(smoke, only="rk4"))
+    policy.predict(second)
+    actions, _ = policy.predict([first, second], None, [True, False])
+    for row, controller, action in zip([first, second], alone, actions):
+        assert np.array_equal(action, controller.step(row[:2], reference).u)
+    # The second row goes on, the first begins again.
+    actions, state = policy.predict([first, first], ("hidden",), [True, False])
+    assert state == ("hidden",) and len(policy.steps) == 2
+    fresh = pinc.Nmpc(smoke, only="rk4").step(first[:2], reference).u
+    assert np.array_equal(actions[0], fresh)
+    assert np.array_equal(actions[1], alone[1].step(first[:2], reference).u)
+    assert not np.array_equal(actions[1], fresh)
+
+
+@pytest.mark.parametrize("observation", [[0.1, 0.2], [[0.1, 0.2, 1.0]], [[[0.1, 0.2, 1.0, 0.0]]]])
+def test_a_policy_names_what_an_observation_has(smoke: Path, observation: object) -> None:
+    policy = NmpcPolicy(pinc.Nmpc(smoke, only="rk4"))
+    with pytest.raises(pinc.InputError, match="expected 4 numbers.*2 measured, then 2 references"):
+        policy.predict(observation)

@@ -7,8 +7,9 @@
   ``torch_policy`` and ``jax_policy`` make functions of PyTorch and JAX of the latter.
 - ``Plant`` is the plant of a config with its simulator, and ``Plant.model`` an integrator as a model
   of it; ``Estimator`` is the config's estimator, one step at a time.
-- ``resolved`` spells a config out. ``pinc_nmpc.environment`` is the loop as an environment of Gymnasium,
-  ``pinc_nmpc.qp`` the controllers' solver of quadratic programs, also for qpsolvers.
+- ``resolved`` spells a config out. ``pinc_nmpc.environment`` is the loop as an environment of
+  Gymnasium, and controllers as policies; ``pinc_nmpc.qp`` the controllers' solver of quadratic programs,
+  also for qpsolvers.
 - ``check``, ``choose``, ``run``, ``control``, ``identify``, ``estimate``, ``certify``, ``tune``,
   ``shrink``, ``export``, ``export_plant`` and ``export_net`` do what the commands of the program
   ``pinc`` do; their results have ``table``, a dictionary of arrays by column, and ``frame``, the same

@@ -1,5 +1,7 @@
-"""The closed loop of a config as an environment of Gymnasium; needs the package gymnasium."""
+"""The closed loop of a config as an environment of Gymnasium, and controllers as policies in
+environments; needs the package gymnasium."""
 
+import copy
 import sys
 from collections.abc import Mapping
 from typing import Any, Optional
@@ -9,7 +11,7 @@ from numpy.typing import NDArray
 
 from ._config import Config
 from ._errors import InputError
-from ._native import Plant, resolved
+from ._native import ControlStep, Nmpc, Plant, resolved
 
 if sys.version_info < (3, 11):
     raise ImportError("pinc_nmpc.environment needs Python 3.11 or later")
@@ -117,3 +119,57 @@ class LoopEnv(gymnasium.Env[_Array, _Array]):
 
     def _info(self) -> dict[str, Any]:
         return {"x": self._x.copy(), "t": self._k * self._step_s}
+
+
+class NmpcPolicy:
+    """A controller as a policy with ``predict`` as Stable-Baselines3 and PC-Gym call it.
+
+    An observation has what the controller measures, ``controller.measured``, then the reference of
+    what is controlled, as those of a ``LoopEnv``; an action has the inputs, not normalized. Rows of
+    observations, as of a vector environment, have a controller each. ``steps`` are the last control
+    steps, one per row, with their status.
+
+    Example::
+
+        policy = NmpcPolicy(pinc.Nmpc(config, only="rk4"))
+        action, _ = policy.predict(observation)
+    """
+
+    def __init__(self, controller: Nmpc) -> None:
+        self._controllers = [controller]
+        self._measured = len(controller.measured)
+        self._size = self._measured + len(controller.controlled)
+        self.steps: list[ControlStep] = []
+
+    def predict(
+        self,
+        observation: Any,
+        state: Optional[tuple[Any, ...]] = None,
+        episode_start: Any = None,
+        deterministic: bool = True,
+    ) -> tuple[_Array, Optional[tuple[Any, ...]]]:
+        """Chooses the action, always the same for the same past, and returns it with ``state``.
+
+        ``episode_start`` is whether an episode begins, one value or one per row: the controller then
+        forgets the plan of the episode before."""
+        given = np.asarray(observation, dtype=np.float64)
+        rows = np.atleast_2d(given)
+        if given.ndim > 2 or rows.shape[1] != self._size:
+            raise InputError(
+                f"observation: its shape is {given.shape}, expected {self._size} numbers, or rows of "
+                f"them: {self._measured} measured, then {self._size - self._measured} references"
+            )
+        while len(self._controllers) < len(rows):
+            another = copy.copy(self._controllers[0])
+            another.reset()
+            self._controllers.append(another)
+        if episode_start is not None:
+            for controller, start in zip(self._controllers, np.broadcast_to(episode_start, len(rows))):
+                if start:
+                    controller.reset()
+        self.steps = [
+            controller.step(row[: self._measured], row[self._measured :])
+            for controller, row in zip(self._controllers, rows)
+        ]
+        actions = np.array([step.u for step in self.steps])
+        return actions[0] if given.ndim < 2 else actions, state
