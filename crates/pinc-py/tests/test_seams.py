@@ -34,7 +34,11 @@ def sections(path: Path) -> dict[str, Any]:
 
 PATHS = sorted(CONFIGS.rglob("*.toml"))
 SHIPPED = {str(path.relative_to(CONFIGS)): sections(path) for path in PATHS}
-LOOPS = [name for name, content in SHIPPED.items() if "control" in content]
+LOOPS = [
+    name
+    for name, content in SHIPPED.items()
+    if set(INTEGRATORS).intersection(content.get("control", {"models": []}).get("models", ["rk4"]))
+]
 
 
 class Loop:
