@@ -64,7 +64,7 @@ pub fn net_to_fmu(
         from_starts: states.len(),
         statuses: Vec::new(),
         note: origin.proven.clone(),
-        sources: vec![format!("{}_net.c", name.as_str())],
+        sources: Vec::new(),
         version,
     };
     description.files(t, net_core((net, false), Open::default(), name, origin)?, name, origin)
@@ -143,11 +143,7 @@ pub fn controller_to_fmu(
         from_starts: 0,
         statuses,
         note: notes(controller, origin),
-        sources: sources
-            .iter()
-            .map(|file| file.path.clone())
-            .filter(|path| path.ends_with(".c"))
-            .collect(),
+        sources: Vec::new(),
         version,
     };
     description.files(t, sources, name, origin)
@@ -239,8 +235,9 @@ pub fn plant_to_fmu(
     let mut sources = runge_kutta_core(plant, method, Open::default(), name, origin)?;
     let (mut header, mut refresh) = (method, "    (void)s;\n".to_owned());
     if !own.is_empty() {
-        let of = (plant.equations, plant.parameters);
-        sources.extend(outputs_core(of.0, of.1, Open::default(), (name, method), origin)?);
+        let RungeKuttaModel { equations, parameters, .. } = plant;
+        let model = (name, method);
+        sources.extend(outputs_core(equations, parameters, Open::default(), model, origin)?);
         header = "outputs";
         refresh =
             "    double y[PINC_NO];\n    pinc_outputs(s->reals, s->reals + PINC_INPUTS, y);\n"
@@ -262,11 +259,7 @@ pub fn plant_to_fmu(
         from_starts: states.len(),
         statuses: Vec::new(),
         note: None,
-        sources: sources
-            .iter()
-            .map(|file| file.path.clone())
-            .filter(|path| path.ends_with(".c"))
-            .collect(),
+        sources: Vec::new(),
         version,
     };
     description.files(t, sources, name, origin)
@@ -434,6 +427,7 @@ pub(crate) struct Description<'a> {
     pub(crate) statuses: Vec<Status>,
     /// What the description of the model says.
     pub(crate) note: Option<String>,
+    /// The paths of what is to be compiled, known once there are files.
     pub(crate) sources: Vec<String>,
     version: FmiVersion,
 }
@@ -470,7 +464,8 @@ impl Description<'_> {
             FmiVersion::Three => include_str!("../templates/fmu3.c"),
         };
         let slave = t.file("fmu.c", slave);
-        self.sources.insert(0, slave.path.clone());
+        let paths = [&slave].into_iter().chain(&sources).map(|file| file.path.clone());
+        self.sources = paths.filter(|path| path.ends_with(".c")).collect();
         let xml = match self.version {
             FmiVersion::Two => self.xml2(name, origin),
             FmiVersion::Three => self.xml3(name, origin),

@@ -62,6 +62,16 @@ fn fmu(dir: &Path, version: u32, description: &str) -> PathBuf {
     compiled("oscillator.c", dir, version, description)
 }
 
+/// The oscillator as an FMU with one interface, from the description of one for model exchange.
+fn fmu_of(kind: FmuKind, dir: &Path, version: u32, description: &str) -> PathBuf {
+    match kind {
+        FmuKind::ModelExchange => fmu(dir, version, description),
+        FmuKind::CoSimulation => {
+            fmu(dir, version, &description.replace("<ModelExchange", "<CoSimulation"))
+        }
+    }
+}
+
 /// The file `source` of the tests as an FMU, in `dir`.
 fn compiled(source: &str, dir: &Path, version: u32, description: &str) -> PathBuf {
     let source = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data").join(source);
@@ -213,11 +223,7 @@ fn a_step_begins_at_its_start_time_with_the_parameters_given() {
     {
         for kind in [FmuKind::ModelExchange, FmuKind::CoSimulation] {
             let dir = tempfile::tempdir().unwrap();
-            let own = match kind {
-                FmuKind::ModelExchange => description.to_owned(),
-                FmuKind::CoSimulation => description.replace("<ModelExchange", "<CoSimulation"),
-            };
-            let path = fmu(dir.path(), version, &own);
+            let path = fmu_of(kind, dir.path(), version, description);
             let parameters = vec![("k".to_owned(), 2.5)];
             for start_s in [0.0, 0.375] {
                 let (kind, parameters) = (Some(kind), parameters.clone());
@@ -247,11 +253,7 @@ fn outputs_are_read_in_a_state_under_an_input() {
     {
         for kind in [FmuKind::ModelExchange, FmuKind::CoSimulation] {
             let dir = tempfile::tempdir().unwrap();
-            let own = match kind {
-                FmuKind::ModelExchange => description.to_owned(),
-                FmuKind::CoSimulation => description.replace("<ModelExchange", "<CoSimulation"),
-            };
-            let path = fmu(dir.path(), version, &own);
+            let path = fmu_of(kind, dir.path(), version, description);
             let outputs = ["y", states[1]].map(str::to_owned).to_vec();
             let given = FmuPlant { kind: Some(kind), outputs, ..plant(states, force) };
             let fmu = Fmu::open(&path, &given).unwrap();

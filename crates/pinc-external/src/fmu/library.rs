@@ -385,7 +385,7 @@ impl Instance {
         Ok(Self { binary: binary.clone(), handle, start_s, _texts: texts, _callbacks: callbacks })
     }
 
-    /// Begins again at time 0 with these start values.
+    /// Begins again at the start time with these start values.
     pub(super) fn restart(&mut self, references: &[u32], values: &[f64]) -> Result<(), String> {
         self.initialize(references, values)?;
         self.end_initialization()

@@ -44,8 +44,8 @@ pub struct FmuPlant {
     pub time_limit: Duration,
 }
 
-/// An FMU as a plant. Each step begins at the start time in the state that is asked for: the FMU's memory
-/// is its states, and it does not depend on time.
+/// An FMU as a plant. Each step begins at the start time in the state that is asked for: the FMU's
+/// memory is its states, and it does not depend on time.
 ///
 /// By model exchange its derivatives are integrated with [`Dopri5`](pinc_ode::Dopri5), and where it has directional
 /// derivatives its variational equation too; events are not looked for. By co-simulation it takes a

@@ -18,7 +18,6 @@ pub(super) struct Job {
 }
 
 /// What is asked for of each point.
-#[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Wanted {
     /// The state after so many seconds.
     States(f64),
@@ -59,8 +58,7 @@ impl Worker {
         Self { jobs: Some(jobs), outcomes, done, thread: Some(thread) }
     }
 
-    /// What the job asks for; `None` if no point is done for longer than
-    /// `limit`.
+    /// What the job asks for; `None` if no point is done for longer than `limit`.
     pub(super) fn ask(&mut self, job: Job, limit: Duration) -> Option<Outcome> {
         let ended = || external("the FMU's thread has ended");
         if self.jobs.as_ref().is_none_or(|jobs| jobs.send(job).is_err()) {
