@@ -19,6 +19,13 @@
 #define PINC_DEPENDENT PINC_PICK(1e-10, 1e-4)
 /* A pivot below this part of its diagonal entry counts as 0. */
 #define PINC_SMALLEST_PIVOT PINC_PICK(1e-13, 1e-6)
+/* A combination of rows proves a conflict if no x up to this can make up for its rounding. */
+#define PINC_FARTHEST PINC_PICK(1e5, 1e2)
+/* Of a singular matrix: what is added to its diagonal, as a part of the largest entry; the slope that
+   may be left, relative to 1 + the largest; and how many proximal points there are at most. */
+#define PINC_PROXIMAL PINC_PICK(1e-10, 1e-4)
+#define PINC_SLOPE PINC_PICK(1e-11, 1e-5)
+#define PINC_CENTERS 30
 /* What rounding makes of the merit function, relative to its value. */
 #define PINC_NOISE PINC_PICK(1e-14, 1e-6)
 /* The KKT residual's largest defect in the dynamics with which a plan is followed. */

@@ -112,6 +112,8 @@ typedef struct {
 typedef struct {
     PINC_REAL hessian[PINC_INPUTS * PINC_INPUTS];
     PINC_REAL gradient[PINC_INPUTS];
+    PINC_REAL linear[PINC_INPUTS];
+    PINC_REAL proximal;
     PINC_REAL matrix[PINC_ROOM(PINC_INPUTS * PINC_ROWS)];
     PINC_REAL low[PINC_LIMITS];
     PINC_REAL high[PINC_LIMITS];

@@ -4,7 +4,8 @@
 typedef enum { PINC_QP_SOLVED, PINC_QP_CONTINUES, PINC_QP_INFEASIBLE, PINC_QP_FAILED,
                PINC_QP_EXPIRED, PINC_QP_EXPIRED_EARLY } pinc_qp_status;
 
-/* H = L L'; L below the diagonal column by column, mirrored above. Fails if H is not positive. */
+/* H + proximal I = L L'; L below the diagonal column by column, mirrored above. Fails if that is not
+   positive. */
 static pinc_qp_status pinc_factor(pinc_mpc *m)
 {
     pinc_dense *s = &m->dense;
@@ -12,6 +13,9 @@ static pinc_qp_status pinc_factor(pinc_mpc *m)
     int c;
     int i;
     pinc_copy(s->factor, s->hessian, n * n);
+    for (c = 0; c < n; c++) {
+        s->factor[(c * n) + c] += s->proximal;
+    }
     for (c = 0; c < n; c++) {
         PINC_REAL *column = s->factor + ((c * n) + c);
         const PINC_REAL pivot = column[0];
@@ -136,6 +140,19 @@ static void pinc_qr_solve(const pinc_dense *s, PINC_REAL *v)
     }
 }
 
+/* y += Q (v - Q'y), so that Q'y = v; v becomes what was missing. */
+static void pinc_qr_meet(pinc_dense *s, PINC_REAL *v)
+{
+    const int n = PINC_INPUTS;
+    int k;
+    for (k = 0; k < s->members; k++) {
+        v[k] -= pinc_dot(s->q + (k * n), s->y, n);
+    }
+    for (k = 0; k < s->members; k++) {
+        pinc_add_scaled(s->y, v[k], s->q + (k * n), n);
+    }
+}
+
 /* The normal of a row: a unit vector, or a row of C. */
 static void pinc_normal(const pinc_dense *s, int row, PINC_REAL *normal)
 {
@@ -237,7 +254,7 @@ static void pinc_resolve(pinc_dense *s)
         s->mu[s->working[k]] = PINC_N(0);
     }
     for (i = 0; i < n; i++) {
-        s->y[i] = -s->gradient[i];
+        s->y[i] = -s->linear[i];
     }
     for (k = 0; k < PINC_LIMITS; k++) {
         if (pinc_abs(s->mu[k]) > PINC_N(0)) {
@@ -250,11 +267,12 @@ static void pinc_resolve(pinc_dense *s)
         const PINC_REAL *column = s->r + (k * n);
         s->rates[k] = (s->bound[k] - pinc_dot(column, s->rates, k)) / column[k];
     }
-    for (k = 0; k < s->members; k++) {
-        s->rates[k] -= pinc_dot(s->q + (k * n), s->y, n);
-    }
-    for (k = 0; k < s->members; k++) {
-        pinc_add_scaled(s->y, s->rates[k], s->q + (k * n), n);
+    pinc_copy(s->z, s->rates, s->members);
+    pinc_qr_meet(s, s->rates);
+    if (s->proximal > PINC_N(0)) {
+        /* What no row holds is as large in y as 1 / proximal: this takes off what rounding left. */
+        pinc_qr_meet(s, s->z);
+        pinc_add_scaled(s->rates, PINC_N(1), s->z, s->members);
     }
     pinc_qr_solve(s, s->rates);
     for (k = 0; k < s->members; k++) {
@@ -303,12 +321,27 @@ static void pinc_try_warm_row(pinc_dense *s, int row, PINC_REAL mu)
     }
 }
 
+/* Computes y and the multipliers afresh, and takes the rows out of the working set whose multipliers
+   are outside their limits. */
+static void pinc_drop_excessive(pinc_dense *s)
+{
+    int gone;
+    pinc_resolve(s);
+    gone = pinc_most_excessive(s);
+    while (gone >= 0) {
+        const int row = s->working[gone];
+        s->mu[row] = pinc_clamp(s->mu[row], s->least[gone], s->most[gone]);
+        pinc_leave(s, gone);
+        pinc_resolve(s);
+        gone = pinc_most_excessive(s);
+    }
+}
+
 /* Makes the working set of the multipliers given, less the rows whose multipliers it gets wrong. */
 static pinc_qp_status pinc_start(pinc_mpc *m)
 {
     pinc_dense *s = &m->dense;
     int row;
-    int gone;
     s->members = 0;
     for (row = 0; row < PINC_LIMITS; row++) {
         if (pinc_abs(s->mu[row]) > PINC_N(0)) {
@@ -319,15 +352,7 @@ static pinc_qp_status pinc_start(pinc_mpc *m)
             pinc_try_warm_row(s, row, s->mu[row]);
         }
     }
-    pinc_resolve(s);
-    gone = pinc_most_excessive(s);
-    while (gone >= 0) {
-        row = s->working[gone];
-        s->mu[row] = pinc_clamp(s->mu[row], s->least[gone], s->most[gone]);
-        pinc_leave(s, gone);
-        pinc_resolve(s);
-        gone = pinc_most_excessive(s);
-    }
+    pinc_drop_excessive(s);
     return PINC_QP_CONTINUES;
 }
 
@@ -427,17 +452,73 @@ static int pinc_first_at_limit(const pinc_dense *s, PINC_REAL sign, int dependen
     return first;
 }
 
-/* A row that is off and depends on rows that cannot yield. */
-static pinc_qp_status pinc_certify(pinc_dense *s, const pinc_row *member, PINC_REAL gap)
+/* Splits the normal of a row, and computes the rates of the working rows' multipliers; gives |z|^2
+   and whether that is nothing. */
+static PINC_REAL pinc_find_rates(pinc_dense *s, int row, int *dependent)
 {
-    const PINC_REAL size = PINC_N(1) + pinc_abs(member->bound);
+    const PINC_REAL squared = pinc_split(s, row, dependent);
+    pinc_copy(s->rates, s->w, s->members);
+    pinc_qr_solve(s, s->rates);
+    return squared;
+}
+
+/* x and (x, C x) of y. */
+static void pinc_find_x(pinc_dense *s)
+{
+    pinc_copy(s->x, s->y, PINC_INPUTS);
+    pinc_backward(s, s->x);
+    pinc_row_values(s);
+}
+
+/* The sum of the absolute values of what the row's value is the sum of. */
+static PINC_REAL pinc_terms(pinc_dense *s, int row)
+{
     PINC_REAL terms = PINC_N(0);
-    PINC_REAL rounding;
     int k;
-    pinc_normal(s, member->row, s->z);
+    pinc_normal(s, row, s->z);
     for (k = 0; k < PINC_INPUTS; k++) {
         terms += pinc_abs(s->z[k] * s->x[k]);
     }
+    return terms;
+}
+
+/* Whether no x up to PINC_FARTHEST meets all rows: their combination by mu is y'x, and would have to
+   be below the height. */
+static int pinc_is_proof(pinc_dense *s)
+{
+    PINC_REAL height = PINC_N(0);
+    PINC_REAL remainder = PINC_N(0);
+    int k;
+    pinc_fill(s->y, PINC_N(0), PINC_INPUTS);
+    for (k = 0; k < PINC_LIMITS; k++) {
+        const PINC_REAL mu = s->mu[k];
+        if (pinc_abs(mu) > PINC_N(0)) {
+            pinc_normal(s, k, s->z);
+            pinc_add_scaled(s->y, mu, s->z, PINC_INPUTS);
+            height += mu * ((mu > PINC_N(0)) ? s->high[k] : s->low[k]);
+        }
+    }
+    for (k = 0; k < PINC_INPUTS; k++) {
+        remainder += pinc_abs(s->y[k]);
+    }
+    return ((height + (PINC_FARTHEST * remainder)) < PINC_N(0)) ? 1 : 0;
+}
+
+/* A row that is off and depends on rows that cannot yield. */
+static pinc_qp_status pinc_certify(pinc_dense *s, const pinc_row *member)
+{
+    const PINC_REAL size = PINC_N(1) + pinc_abs(member->bound);
+    PINC_REAL terms;
+    PINC_REAL gap;
+    PINC_REAL rounding;
+    int dependent = 0;
+    int k;
+    /* Without the rounding of the steps so far. */
+    pinc_resolve(s);
+    pinc_find_x(s);
+    (void)pinc_find_rates(s, member->row, &dependent);
+    gap = pinc_abs(s->values[member->row] - member->bound);
+    terms = pinc_terms(s, member->row);
     if (pinc_finite(gap / (size + terms)) == 0) {
         return PINC_QP_FAILED;
     }
@@ -453,7 +534,7 @@ static pinc_qp_status pinc_certify(pinc_dense *s, const pinc_row *member, PINC_R
             s->mu[s->working[k]] = -member->sign * s->rates[k];
         }
     }
-    return PINC_QP_INFEASIBLE;
+    return (pinc_is_proof(s) != 0) ? PINC_QP_INFEASIBLE : PINC_QP_FAILED;
 }
 
 /* Moves the multiplier of a row until the row is met, or the multiplier is at its limit. */
@@ -474,10 +555,8 @@ static pinc_qp_status pinc_add_row(pinc_dense *s, const pinc_row *member)
         PINC_REAL when;
         PINC_REAL step;
         PINC_REAL own;
-        const PINC_REAL squared = pinc_split(s, row, &dependent);
+        const PINC_REAL squared = pinc_find_rates(s, row, &dependent);
         s->changes++;
-        pinc_copy(s->rates, s->w, s->members);
-        pinc_qr_solve(s, s->rates);
         step = (dependent != 0) ? PINC_INFINITY : (gap / squared);
         own = sign * (limit - s->mu[row]);
         if (own < step) {
@@ -491,7 +570,7 @@ static pinc_qp_status pinc_add_row(pinc_dense *s, const pinc_row *member)
             leaves = 1;
         }
         if (step >= PINC_INFINITY) {
-            return pinc_certify(s, member, gap);
+            return pinc_certify(s, member);
         }
         s->mu[row] += sign * step;
         for (k = 0; k < s->members; k++) {
@@ -516,25 +595,30 @@ static pinc_qp_status pinc_add_row(pinc_dense *s, const pinc_row *member)
     return PINC_QP_FAILED;
 }
 
-/* Solves the dense program, starting from the multipliers in mu. */
-static pinc_qp_status pinc_dense_solve(pinc_mpc *m)
+/* Whether the solution is made of numbers, and the working rows are where they are held, which
+   rounding prevents where H is near singular. */
+static int pinc_is_met(pinc_dense *s)
+{
+    int k;
+    for (k = 0; k < s->members; k++) {
+        const PINC_REAL off = pinc_abs(s->values[s->working[k]] - s->bound[k]);
+        const PINC_REAL size = PINC_N(1) + pinc_abs(s->bound[k]);
+        if (!(off <= (PINC_CONFLICT * size)) &&
+            !(off <= (PINC_CONFLICT * (size + pinc_terms(s, s->working[k]))))) {
+            return 0;
+        }
+    }
+    return pinc_all_finite(s->values, PINC_LIMITS) & pinc_all_finite(s->mu, PINC_LIMITS);
+}
+
+/* Finds x for the working set and changes this until all rows are met. */
+static pinc_qp_status pinc_meet_rows(pinc_mpc *m)
 {
     pinc_dense *s = &m->dense;
-    pinc_qp_status begun = pinc_factor(m);
     int fresh = 1;
-    s->changes = 0;
-    s->tolerance = PINC_MET;
-    if (begun == PINC_QP_CONTINUES) {
-        begun = pinc_start(m);
-    }
-    if (begun != PINC_QP_CONTINUES) {
-        return begun;
-    }
     while (s->changes <= 10 * (PINC_LIMITS + 10)) {
         pinc_row worst = pinc_row_at(s, 0, 0);
-        pinc_copy(s->x, s->y, PINC_INPUTS);
-        pinc_backward(s, s->x);
-        pinc_row_values(s);
+        pinc_find_x(s);
         if (pinc_worst(s, &worst) != 0) {
             pinc_qp_status status;
             if ((s->changes > 0) && (pinc_expired(m) != 0)) {
@@ -546,13 +630,71 @@ static pinc_qp_status pinc_dense_solve(pinc_mpc *m)
                 return status;
             }
         } else if (fresh != 0) {
-            const int finite = pinc_all_finite(s->values, PINC_LIMITS) &
-                               pinc_all_finite(s->mu, PINC_LIMITS);
-            return (finite != 0) ? PINC_QP_SOLVED : PINC_QP_FAILED;
+            return (pinc_is_met(s) != 0) ? PINC_QP_SOLVED : PINC_QP_FAILED;
         } else {
             pinc_resolve(s);
             fresh = 1;
         }
+    }
+    return PINC_QP_FAILED;
+}
+
+/* Takes x for the next proximal point; 1 if it is another than before. */
+static int pinc_move_center(pinc_dense *s)
+{
+    PINC_REAL slope = PINC_N(0);
+    PINC_REAL largest = PINC_N(0);
+    int i;
+    for (i = 0; i < PINC_INPUTS; i++) {
+        const PINC_REAL next = s->gradient[i] - (s->proximal * s->x[i]);
+        slope = pinc_max(slope, pinc_abs(next - s->linear[i]));
+        largest = pinc_max(largest, pinc_abs(s->gradient[i]));
+        s->linear[i] = next;
+    }
+    if (slope <= (PINC_SLOPE * (PINC_N(1) + largest))) {
+        return 0;
+    }
+    pinc_drop_excessive(s);
+    return 1;
+}
+
+/* Factors H, or the regularized H where that is asked for, and solves from the multipliers in mu. */
+static pinc_qp_status pinc_dense_pass(pinc_mpc *m)
+{
+    pinc_qp_status status = pinc_factor(m);
+    m->dense.changes = 0;
+    if (status == PINC_QP_CONTINUES) {
+        status = pinc_start(m);
+    }
+    return (status == PINC_QP_CONTINUES) ? pinc_meet_rows(m) : status;
+}
+
+/* Solves the dense program, starting from the multipliers in mu. With a singular H by the proximal
+   point method (Rockafellar 1976): H + proximal I instead, about the last x until that stays. */
+static pinc_qp_status pinc_dense_solve(pinc_mpc *m)
+{
+    pinc_dense *s = &m->dense;
+    PINC_REAL largest = PINC_N(0);
+    pinc_qp_status status;
+    int center;
+    int i;
+    s->tolerance = PINC_MET;
+    s->proximal = PINC_N(0);
+    pinc_copy(s->linear, s->gradient, PINC_INPUTS);
+    status = pinc_dense_pass(m);
+    if (status != PINC_QP_FAILED) {
+        return status;
+    }
+    for (i = 0; i < PINC_INPUTS; i++) {
+        largest = pinc_max(largest, s->hessian[i * (PINC_INPUTS + 1)]);
+    }
+    s->proximal = PINC_PROXIMAL * ((largest > PINC_N(0)) ? largest : PINC_N(1));
+    status = pinc_dense_pass(m);
+    for (center = 0; center < PINC_CENTERS; center++) {
+        if ((status != PINC_QP_SOLVED) || (pinc_move_center(s) == 0)) {
+            return status;
+        }
+        status = pinc_meet_rows(m);
     }
     return PINC_QP_FAILED;
 }

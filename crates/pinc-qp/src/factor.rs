@@ -34,15 +34,25 @@ impl Cholesky {
         if self.size < UNASKED {
             return Some(self.factor_sized(h, self.size));
         }
+        self.square.copy_from_slice(h);
         self.factor_columns(h, self.size, |c| c % UNASKED == UNASKED - 1 && expired())
+    }
+
+    /// Factors H + shift I without a time limit; `false` if it is not positive definite.
+    pub(crate) fn factor_shifted(&mut self, h: &[f64], shift: f64) -> bool {
+        self.square.copy_from_slice(h);
+        self.square.iter_mut().step_by(self.size + 1).for_each(|entry| *entry += shift);
+        self.factor_columns(h, self.size, |_| false) == Some(true)
     }
 
     /// Factors H without a time limit, unrolled where the caller's n is a constant.
     #[inline(always)]
     pub(crate) fn factor_sized(&mut self, h: &[f64], n: usize) -> bool {
+        self.square.copy_from_slice(h);
         self.factor_columns(h, n, |_| false) == Some(true)
     }
 
+    /// Factors what is in `square`; the pivots are compared with the diagonal of H.
     #[inline(always)]
     fn factor_columns(
         &mut self,
@@ -50,7 +60,6 @@ impl Cholesky {
         n: usize,
         mut expired: impl FnMut(usize) -> bool,
     ) -> Option<bool> {
-        self.square.copy_from_slice(h);
         for c in 0..n {
             if expired(c) {
                 return None;

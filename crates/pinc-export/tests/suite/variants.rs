@@ -1,8 +1,8 @@
 //! Controllers by other methods, in other units, and with outputs, against the library's.
 
 use super::controller::{Case, Source, compare, equations, oscillator, oscillator_case};
-use pinc_mpc::{Bounds, NmpcProblem, Softness, Tracked, Weights};
-use pinc_ode::Integrator;
+use pinc_mpc::{Bounds, NmpcProblem, QpMethod, Softness, SqpConfig, Tracked, Weights};
+use pinc_ode::{Dims, Integrator};
 
 pub(crate) fn with_rk5() -> Case {
     let source = Source::runge_kutta(oscillator(), Integrator::Rk5, 2);
@@ -120,4 +120,42 @@ fn controllers_with_outputs_take_the_librarys_steps() {
         let seen = compare(case, 250, 30 + i as u64);
         assert!(seen[0] > 20, "case {i}: {seen:?}");
     }
+}
+
+/// A chain of lags from the input to what is tracked: without a weight on the input, the Hessian is
+/// singular, as late inputs come too late.
+#[test]
+fn controllers_without_a_weight_on_the_input_take_the_librarys_steps() {
+    let lags = 6;
+    let names: Vec<String> = (1..=lags).map(|i| format!("x{i}")).collect();
+    let states: Vec<_> = names.iter().map(|name| format!(r#"{{"name": "{name}"}}"#)).collect();
+    let rates: Vec<_> = names
+        .iter()
+        .enumerate()
+        .map(|(i, name)| {
+            let before = i.checked_sub(1).map_or("u", |before| names[before].as_str());
+            format!(r#""{name}": "{before} - {name} - 0.1*{name}^3""#)
+        })
+        .collect();
+    let chain = equations(&format!(
+        r#"{{"states": [{}], "inputs": [{{"name": "u"}}], "derivatives": {{{}}}}}"#,
+        states.join(", "),
+        rates.join(", ")
+    ));
+    let weights = Weights::uniform(vec![10.0], vec![0.0]);
+    let case = Case {
+        problem: NmpcProblem {
+            tracked: Tracked::states([lags - 1]),
+            input_bounds: Bounds::new(vec![-1.0], vec![1.0]),
+            ..NmpcProblem::new(Dims::new(lags, 1), 12, weights)
+        },
+        config: SqpConfig { qp: QpMethod::Condensed, ..SqpConfig::default() },
+        source: Source::runge_kutta(chain, Integrator::Rk4, 1),
+        low: vec![-0.5; lags],
+        high: vec![0.5; lags],
+        sample_time_s: 0.3,
+        ..oscillator_case()
+    };
+    let seen = compare(&case, 1000, 40);
+    assert!(seen[0] > 800, "{seen:?}");
 }

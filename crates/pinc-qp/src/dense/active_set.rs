@@ -1,9 +1,9 @@
 //! The dual active-set method.
 
 use super::DenseQp;
-use crate::QpWork;
-use crate::algebra::{add_scaled, all_finite, dot};
+use crate::algebra::{add_scaled, all_finite, dot, largest};
 use crate::factor::{Cholesky, ThinQr};
+use crate::{FARTHEST, QpWork};
 
 /// A row counts as met when it is off by less than this, relative to 1 + |bound|.
 const TOLERANCE: f64 = 1e-11;
@@ -14,6 +14,16 @@ const INFEASIBLE: f64 = 1e-8;
 
 /// A normal whose part independent of the working set is below this part of it counts as dependent.
 const DEPENDENT: f64 = 1e-10;
+
+/// The proximal term of a singular H, as a part of H's largest entry: far enough above what rounding
+/// leaves of a pivot that is 0.
+const PROXIMAL: f64 = 1e-10;
+
+/// The slope that the proximal term may leave, relative to 1 + the largest of g.
+const SLOPE: f64 = 1e-11;
+
+/// How many proximal points there are at most.
+const CENTERS: usize = 30;
 
 /// How many rows of the guess join the working set between two looks at the clock.
 const UNASKED: usize = 8;
@@ -40,6 +50,10 @@ const UNASKED: usize = 8;
 /// smaller, so no working set is met twice except by rounding, which the limit on changes guards
 /// against.
 ///
+/// A singular H is replaced by H + delta I with a small delta, and the minimum is sought again with
+/// `delta (x - x_before)` in the gradient until x stays: the proximal point method (Rockafellar, SIAM J.
+/// Control Optim. 14 (1976)), which ends at a minimum of the program as it is.
+///
 /// All memory is allocated at construction.
 #[derive(Clone, Debug)]
 pub(crate) struct ActiveSet {
@@ -55,6 +69,10 @@ pub(crate) struct ActiveSet {
     w: Vec<f64>,
     rates: Vec<f64>,
     z: Vec<f64>,
+    /// delta, 0 where H is regular.
+    proximal: f64,
+    /// g - delta `x_before`
+    linear: Vec<f64>,
     tolerance: f64,
     changes: usize,
     /// What all solutions took.
@@ -68,7 +86,7 @@ pub(crate) enum DenseStatus {
     /// This row contradicts others, and these do not contradict each other. The multipliers are a
     /// proof (Farkas): a combination of rows whose normals cancel and whose bounds do not.
     Infeasible(usize),
-    /// H is not positive definite, or rounding won.
+    /// H is not positive semidefinite, there is no lowest cost, or rounding won.
     Failed,
     /// The time was up.
     Expired,
@@ -133,6 +151,8 @@ impl ActiveSet {
             w: vec![0.0; unknowns],
             rates: vec![0.0; unknowns],
             z: vec![0.0; unknowns],
+            proximal: 0.0,
+            linear: vec![0.0; unknowns],
             tolerance: TOLERANCE,
             changes: 0,
             work: QpWork::default(),
@@ -166,15 +186,66 @@ impl ActiveSet {
     pub(crate) fn solve(&mut self, qp: &DenseQp, expired: &mut dyn FnMut() -> bool) -> DenseStatus {
         self.changes = 0;
         self.tolerance = TOLERANCE;
+        self.linear.copy_from_slice(&qp.gradient);
+        self.proximal = 0.0;
         self.work.factorizations += 1;
         match self.cholesky.factor_within(&qp.hessian, expired) {
-            Some(true) => {}
-            Some(false) => return DenseStatus::Failed,
+            Some(true) if !self.start(qp, expired) => return DenseStatus::ExpiredAtStart,
+            Some(true) => match self.meet_rows(qp, expired) {
+                DenseStatus::Failed => {}
+                status => return status,
+            },
+            Some(false) => {}
             None => return DenseStatus::ExpiredAtStart,
+        }
+        self.solve_singular(qp, expired)
+    }
+
+    /// The proximal point method.
+    fn solve_singular(&mut self, qp: &DenseQp, expired: &mut dyn FnMut() -> bool) -> DenseStatus {
+        self.changes = 0;
+        if !self.factor_singular(qp) {
+            return DenseStatus::Failed;
         }
         if !self.start(qp, expired) {
             return DenseStatus::ExpiredAtStart;
         }
+        for _ in 0..CENTERS {
+            match self.meet_rows(qp, expired) {
+                DenseStatus::Solved if self.move_center(qp) => {}
+                status => return status,
+            }
+        }
+        DenseStatus::Failed
+    }
+
+    /// Factors H + delta I; `false` if that is not positive definite either.
+    fn factor_singular(&mut self, qp: &DenseQp) -> bool {
+        let diagonal = qp.hessian.iter().step_by(qp.unknowns + 1);
+        let most = diagonal.fold(0.0_f64, |most, entry| entry.max(most));
+        self.proximal = PROXIMAL * if most > 0.0 { most } else { 1.0 };
+        self.work.factorizations += 1;
+        self.cholesky.factor_shifted(&qp.hessian, self.proximal)
+    }
+
+    /// Takes x for the next proximal point; whether it is another than before.
+    fn move_center(&mut self, qp: &DenseQp) -> bool {
+        let mut slope = 0.0_f64;
+        for ((linear, g), x) in self.linear.iter_mut().zip(&qp.gradient).zip(&self.x) {
+            let next = g - self.proximal * x;
+            slope = slope.max((next - *linear).abs());
+            *linear = next;
+        }
+        let moved = slope > SLOPE * (1.0 + largest(&qp.gradient));
+        if moved {
+            self.resolve(qp);
+            self.drop_excessive(qp);
+        }
+        moved
+    }
+
+    /// Finds x for the working set and changes this until all rows are met.
+    fn meet_rows(&mut self, qp: &DenseQp, expired: &mut dyn FnMut() -> bool) -> DenseStatus {
         let most_changes = 10 * (self.mu.len() + 10);
         let mut fresh = true;
         while self.changes <= most_changes {
@@ -189,7 +260,7 @@ impl ActiveSet {
                         return status;
                     }
                 }
-                None if fresh && self.is_finite() => return DenseStatus::Solved,
+                None if fresh && self.is_met(qp) => return DenseStatus::Solved,
                 None if fresh => return DenseStatus::Failed,
                 None => {
                     self.resolve(qp);
@@ -200,9 +271,23 @@ impl ActiveSet {
         DenseStatus::Failed
     }
 
-    /// Whether the solution is made of numbers: comparisons with NaN find no row that is off.
-    fn is_finite(&self) -> bool {
-        all_finite(&self.values) && all_finite(&self.mu)
+    /// Whether the solution is made of numbers, as comparisons with NaN find no row that is off, and
+    /// the working rows are where they are held, which rounding prevents where H is near singular.
+    fn is_met(&mut self, qp: &DenseQp) -> bool {
+        let near = |set: &mut Self, member: WorkingRow| {
+            let off = (set.values[member.row] - member.bound).abs();
+            let size = 1.0 + member.bound.abs();
+            off <= INFEASIBLE * size || off <= INFEASIBLE * (size + set.terms(qp, member.row))
+        };
+        all_finite(&self.values)
+            && all_finite(&self.mu)
+            && (0..self.working.len()).all(|k| near(self, self.working[k]))
+    }
+
+    /// The sum of the absolute values of what the row's value is the sum of.
+    fn terms(&mut self, qp: &DenseQp, row: usize) -> f64 {
+        qp.normal(row, &mut self.z);
+        self.z.iter().zip(&self.x).map(|(c, x)| (c * x).abs()).sum()
     }
 
     /// Makes the working set of the guess, less the rows whose multipliers it gets wrong; whether
@@ -221,6 +306,12 @@ impl ActiveSet {
             }
         }
         self.resolve(qp);
+        self.drop_excessive(qp);
+        true
+    }
+
+    /// Takes the rows out of the working set whose multipliers are outside their limits.
+    fn drop_excessive(&mut self, qp: &DenseQp) {
         while let Some(gone) = self.most_excessive() {
             let member = self.working[gone];
             self.mu[member.row] = self.mu[member.row].clamp(member.least, member.most);
@@ -228,7 +319,6 @@ impl ActiveSet {
             self.leave(gone);
             self.resolve(qp);
         }
-        true
     }
 
     fn try_warm_row(&mut self, qp: &DenseQp, row: usize, mu: f64) {
@@ -269,13 +359,22 @@ impl ActiveSet {
         (squared, squared <= DEPENDENT * DEPENDENT * whole || self.working.len() == self.x.len())
     }
 
+    /// Splits the normal of `row`, and computes the rates of the working rows' multipliers.
+    fn find_rates(&mut self, qp: &DenseQp, row: usize) -> (f64, bool) {
+        let split = self.split(qp, row);
+        let k = self.working.len();
+        self.rates[..k].copy_from_slice(&self.w[..k]);
+        self.qr.solve(&mut self.rates);
+        split
+    }
+
     /// Computes y and the multipliers of the working set afresh.
     fn resolve(&mut self, qp: &DenseQp) {
-        let Self { cholesky, qr, working, y, mu, rates, z, .. } = self;
+        let Self { cholesky, qr, working, y, mu, rates, z, linear, proximal, .. } = self;
         for member in working.iter() {
             mu[member.row] = 0.0;
         }
-        for (y, g) in y.iter_mut().zip(&qp.gradient) {
+        for (y, g) in y.iter_mut().zip(&*linear) {
             *y = -g;
         }
         for (row, &mu) in mu.iter().enumerate() {
@@ -289,7 +388,14 @@ impl ActiveSet {
             *rate = member.bound;
         }
         qr.solve_transposed(rates);
+        let held = working.len();
+        z[..held].copy_from_slice(&rates[..held]);
         qr.meet(y, rates);
+        if *proximal > 0.0 {
+            // What no row holds is as large in y as 1 / delta: this takes off what rounding left.
+            qr.meet(y, z);
+            add_scaled(&mut rates[..held], 1.0, &z[..held]);
+        }
         qr.solve(rates);
         for (rate, member) in rates.iter().zip(working.iter()) {
             mu[member.row] = -rate;
@@ -346,11 +452,7 @@ impl ActiveSet {
         loop {
             self.changes += 1;
             self.work.changes += 1;
-            let (squared, dependent) = self.split(qp, row);
-            let k = self.working.len();
-            self.rates[..k].copy_from_slice(&self.w[..k]);
-            self.qr.solve(&mut self.rates);
-
+            let (squared, dependent) = self.find_rates(qp, row);
             let full = if dependent { f64::INFINITY } else { gap / squared };
             let (mut step, mut event) = (full, Event::Met);
             let own = sign * (limit - self.mu[row]);
@@ -363,7 +465,7 @@ impl ActiveSet {
                 (step, event) = (t, Event::Leaves(leaving));
             }
             if step.is_infinite() {
-                return self.certify_infeasible(qp, &member, sign, gap);
+                return self.certify_infeasible(qp, &member, sign);
             }
 
             self.mu[row] += sign * step;
@@ -430,17 +532,26 @@ impl ActiveSet {
         self.qr.remove(k);
     }
 
+    /// By how much a row is off, without the rounding of the steps so far.
+    fn gap_afresh(&mut self, qp: &DenseQp, member: &WorkingRow) -> f64 {
+        self.resolve(qp);
+        self.x.copy_from_slice(&self.y);
+        self.cholesky.backward(&mut self.x);
+        qp.values(&self.x, &mut self.values);
+        self.find_rates(qp, member.row);
+        (self.values[member.row] - member.bound).abs()
+    }
+
     /// A row that is off and depends on rows that cannot yield.
     fn certify_infeasible(
         &mut self,
         qp: &DenseQp,
         member: &WorkingRow,
         sign: f64,
-        gap: f64,
     ) -> Option<DenseStatus> {
-        // What the row's value is the sum of: the gap may be what rounding leaves of it.
-        qp.normal(member.row, &mut self.z);
-        let terms: f64 = self.z.iter().zip(&self.x).map(|(c, x)| (c * x).abs()).sum();
+        let gap = self.gap_afresh(qp, member);
+        // The gap may be what rounding leaves of these.
+        let terms = self.terms(qp, member.row);
         let size = 1.0 + member.bound.abs();
         if !(gap / (size + terms)).is_finite() {
             return Some(DenseStatus::Failed);
@@ -459,6 +570,26 @@ impl ActiveSet {
                 self.mu[member.row] = -sign * self.rates[k];
             }
         }
-        Some(DenseStatus::Infeasible(member.row))
+        Some(match self.is_proof(qp) {
+            true => DenseStatus::Infeasible(member.row),
+            false => DenseStatus::Failed,
+        })
+    }
+
+    /// Whether no x up to [`FARTHEST`] meets all rows: their combination by mu is `remainder'x`, and
+    /// would have to be below `height`.
+    fn is_proof(&mut self, qp: &DenseQp) -> bool {
+        let remainder = &mut self.y;
+        remainder.fill(0.0);
+        let mut height = 0.0;
+        for (row, &mu) in self.mu.iter().enumerate() {
+            if mu.abs() > 0.0 {
+                qp.normal(row, &mut self.z);
+                add_scaled(remainder, mu, &self.z);
+                height += mu * if mu > 0.0 { qp.high[row] } else { qp.low[row] };
+            }
+        }
+        let remainder: f64 = remainder.iter().map(|part| part.abs()).sum();
+        height + FARTHEST * remainder < 0.0
     }
 }

@@ -9,7 +9,7 @@ use super::{ChosenQp, OcpDims, Qp, QpError, QpMethod, QpSolver, QpStatus, QpStep
 pub(super) mod endings;
 mod programs;
 
-use programs::{counted, coupled, programs, stage_costs, trees};
+use programs::{counted, coupled, programs, stage_costs, trees, unweighted};
 use proptest::collection::vec;
 use proptest::prelude::*;
 
@@ -308,6 +308,30 @@ proptest! {
         let mut step = QpStep::new(qp.dims);
         let status = ChosenQp::new(&qp, QpMethod::Auto).unwrap().solve(&qp, &mut step, &mut || false);
         prop_assert_eq!(status, QpStatus::Solved);
+    }
+
+    /// Without weights on increments: of several plans at the least cost each method finds one.
+    #[test]
+    fn singular_programs_are_solved(
+        qp in prop_oneof![programs(false), programs(true), stage_costs(true)],
+        signs in vec(-1..=1_i8, 60),
+    ) {
+        let qp = unweighted(qp);
+        let cold = QpStep::new(qp.dims);
+        let mut arbitrary = cold.clone();
+        let multipliers = arbitrary.multipliers.parts_mut().into_iter().skip(1).flatten();
+        multipliers.zip(&signs).for_each(|(mu, sign)| *mu = f64::from(*sign));
+        let mut condensed = CondensedQp::new(&qp);
+        let mut exact = cold.clone();
+        prop_assert_eq!(condensed.solve(&qp, &mut exact, &mut || false), QpStatus::Solved);
+        for guess in [&cold, &arbitrary, &exact] {
+            let mut step = guess.clone();
+            prop_assert_eq!(condensed.solve(&qp, &mut step, &mut || false), QpStatus::Solved);
+            let residual = residual(&qp, &step);
+            // Rows are met to 1e-8 of 1 + their limit.
+            prop_assert!(residual < 10.0 * SHARP, "{:e}", residual);
+            solve(&mut RiccatiQp::new(&qp), &qp, guess, 10.0 * SHARP)?;
+        }
     }
 
     /// A terminal weight far above all others: multipliers up to 1e7, of which the stage-wise

@@ -253,3 +253,16 @@ pub(super) fn coupled(coarse: bool) -> impl Strategy<Value = Qp> {
         })
     })
 }
+
+/// The program without weights of its own on the inputs, each of which has bounds.
+pub(super) fn unweighted(mut qp: Qp) -> Qp {
+    let first = qp.dims.all_states();
+    qp.r.fill(0.0);
+    for (i, value) in qp.bounds.low[first..].iter_mut().enumerate() {
+        let high = &mut qp.bounds.high[first + i];
+        *value = value.max(-10.0);
+        *high = high.min(10.0);
+        qp.bounds.penalty[first + i] = f64::INFINITY;
+    }
+    qp
+}
