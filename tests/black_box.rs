@@ -3,6 +3,7 @@
 
 #![expect(clippy::print_stdout, reason = "it says which tests it runs, and answers as a process")]
 
+use pinc::bench::{ChooseOptions, choose};
 use pinc_config::{Experiment, ModelKind, Plants};
 use pinc_export::FmiVersion;
 use pinc_ode::{DynPlant, DynRhs, Model, Rk4, Simulator};
@@ -37,13 +38,14 @@ fn main() -> ExitCode {
     ExitCode::SUCCESS
 }
 
-const TESTS: [(&str, fn()); 6] = [
+const TESTS: [(&str, fn()); 7] = [
     ("it_starts_only_where_it_is_allowed", it_starts_only_where_it_is_allowed),
     ("many_requests_are_answered_in_order", many_requests_are_answered_in_order),
     ("what_is_no_answer_is_explained", what_is_no_answer_is_explained),
     ("an_exported_plant_is_a_plant", an_exported_plant_is_a_plant),
     ("outputs_of_an_fmu_are_controlled", outputs_of_an_fmu_are_controlled),
     ("it_is_distilled_and_controlled_like_its_equation", it_is_distilled_and_controlled),
+    ("a_net_is_chosen_beside_it", a_net_is_chosen_beside_it),
 ];
 
 /// Answers the requests on standard input.
@@ -353,16 +355,30 @@ initial_sd = [0.2, 0.2]
     }
 }
 
+/// How all is run here; the flag is for an interrupt.
+fn quietly(interrupt: &AtomicBool) -> Options<'_> {
+    Options { resume: false, verbosity: Verbosity::Quiet, interrupt, arguments: &[] }
+}
+
 fn run_of(experiment: &Experiment, dir: &Path) -> RunDir {
     let findings = check(experiment);
     assert!(findings.iter().all(|f| f.severity < pinc_runs::Severity::Error), "{findings:?}");
-    let options = Options {
-        resume: false,
-        verbosity: Verbosity::Quiet,
-        interrupt: &AtomicBool::new(false),
-        arguments: &[],
-    };
-    run(experiment, dir, &options).unwrap()
+    run(experiment, dir, &quietly(&AtomicBool::new(false))).unwrap()
+}
+
+/// The black box sets the standard, and nets are distilled from it.
+fn a_net_is_chosen_beside_it() {
+    let dir = tempfile::tempdir().unwrap();
+    let experiment = parse(&as_process("oscillator"), &allowed()).unwrap();
+    let how = ChooseOptions { within: 0.05, budget_s: 20.0 };
+    let never = AtomicBool::new(false);
+    let choice = choose(&experiment, dir.path(), &allowed(), &quietly(&never), how).unwrap();
+    let said = choice.to_string();
+    assert!(said.contains("the most exact model, black box"), "{said}");
+    assert!(!said.contains("RK4") && !said.contains("no net was tried"), "{said}");
+    let text = std::fs::read_to_string(&choice.recommended).unwrap();
+    let again = parse(&text, &allowed()).unwrap();
+    assert!(again.plant.is_black_box() && again.control.unwrap().models.len() == 1);
 }
 
 /// Net and loops of the process agree with the equation: the samples differ by its rounding, and

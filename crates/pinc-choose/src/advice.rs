@@ -130,10 +130,9 @@ impl<'a> Advice<'a> {
         sentences
     }
 
-    /// How many nets, or integrators, were tried.
+    /// How many nets, or other models, were tried.
     fn count(&self, nets: bool) -> usize {
-        let is_net = |of: &&Tried| matches!(of.candidate, Candidate::Net { .. });
-        self.tried.iter().filter(|of| is_net(of) == nets).count()
+        self.tried.iter().filter(|of| of.candidate.is_net() == nets).count()
     }
 
     fn advice(&self) -> String {
@@ -151,14 +150,17 @@ impl<'a> Advice<'a> {
             score.p50_us,
             score.p99_us
         );
-        let wants_net = !matches!(self.winner.candidate, Candidate::Net { .. });
+        let wants_net = !self.winner.candidate.is_net();
         let other = self
             .standard
             .ranking(self.tried)
             .into_iter()
-            .find(|(tried, _)| matches!(tried.candidate, Candidate::Net { .. }) == wants_net);
-        let what = if wants_net { "net" } else { "integrator" };
+            .find(|(tried, _)| tried.candidate.is_net() == wants_net);
+        let what = if wants_net { "net" } else { exact.noun() };
         text += &match other {
+            Some((tried, other)) if tried.candidate == Candidate::BlackBox => {
+                format!("; the black box itself takes {:.1} us.", other.p50_us)
+            }
             Some((tried, other)) => format!(
                 "; the cheapest {what} as good, {}, takes {:.1} us.",
                 tried.candidate, other.p50_us
@@ -184,11 +186,12 @@ fn described(tried: &Tried) -> String {
             let plural = if substeps == 1 { "" } else { "s" };
             format!("{} with {substeps} substep{plural}", integrator.title())
         }
+        Candidate::BlackBox => "the black box itself".to_owned(),
         Candidate::Net { shape, source, longer } => {
             let training = tried.result.as_ref().ok().and_then(|score| score.training_s);
             let time = training.map_or(String::new(), |s| format!(" in {s:.1} s"));
             let on = match source {
-                TrainingTarget::Integrator => "an integrator (distilled)",
+                TrainingTarget::Integrator => "the plant's trajectories (distilled)",
                 TrainingTarget::Physics => "the equation",
             };
             let iterations = if longer {
@@ -220,7 +223,8 @@ mod tests {
         change(&mut cheap);
         let all = vec![tried(16, score(100.0, 50.0, 1e-9)), tried(2, cheap)];
         let control = toml::from_str(crate::search::SPEC).unwrap();
-        let search = Search { control: &control, sources: &[], states: 2, within: 0.01 };
+        let search =
+            Search { control: &control, sources: &[], states: 2, within: 0.01, has_equation: true };
         let found = SearchResult { tried: all, ..SearchResult::default() };
         Advice::of(&search, &found, &[]).unwrap().sentences()
     }

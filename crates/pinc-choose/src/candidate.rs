@@ -15,6 +15,8 @@ pub enum Candidate {
         /// How many.
         substeps: usize,
     },
+    /// A plant without an equation itself.
+    BlackBox,
     /// A net of this size, trained on this.
     Net {
         /// The size.
@@ -55,10 +57,24 @@ const fn net(layers: usize, neurons: usize) -> Shape {
 }
 
 impl Candidate {
+    /// What it is, in words.
+    pub(crate) fn noun(self) -> &'static str {
+        match self {
+            Self::Integrator { .. } => "integrator",
+            Self::BlackBox => "black box",
+            Self::Net { .. } => "net",
+        }
+    }
+
+    pub(crate) fn is_net(self) -> bool {
+        matches!(self, Self::Net { .. })
+    }
+
     /// The model of the loop.
     pub(crate) fn kind(self) -> ModelKind {
         match self {
             Self::Integrator { integrator, .. } => ModelKind::Integrator(integrator),
+            Self::BlackBox => ModelKind::BlackBox,
             Self::Net { .. } => ModelKind::Pinc,
         }
     }
@@ -75,6 +91,7 @@ impl Candidate {
                 let key = ControlSpec::substeps_key(integrator);
                 write!(set, ", \"control.{key}\" = {substeps}")
             }
+            Self::BlackBox => Ok(()),
             Self::Net { shape: Shape { layers, neurons }, source, longer } => {
                 if longer {
                     for (phase, count) in iterations.iter().enumerate() {
@@ -105,6 +122,7 @@ impl fmt::Display for Candidate {
             Self::Integrator { integrator, substeps } => {
                 write!(f, "{} x{substeps}", integrator.title())
             }
+            Self::BlackBox => f.write_str("black box"),
             Self::Net { shape, source, longer } => {
                 let kind = if *source == TrainingTarget::Integrator { "distilled" } else { "PINC" };
                 write!(f, "{kind} {shape}{}", if *longer { " longer" } else { "" })

@@ -117,17 +117,19 @@ impl Score {
 }
 
 impl Standard {
-    /// The standard set by the most exact integrator among those whose loops stand, a sound one
-    /// if there is one; none if no loop stands.
+    /// The standard set by a black box itself, or by the most exact integrator among those whose
+    /// loops stand, a sound one if there is one; none if no loop stands.
     pub(crate) fn of(tried: &[Tried], spec: &ControlSpec, within: f64) -> Option<Self> {
         let max_failed = spec.max_failed_share;
-        let loops = tried.iter().filter_map(|tried| match (tried.candidate, &tried.result) {
-            (Candidate::Integrator { substeps, .. }, Ok(score)) if score.stands(max_failed) => {
-                let error = score.rms.filter(|rms| rms.is_finite()).unwrap_or(f64::INFINITY);
-                let key = (score.unsound.is_some(), error);
-                Some((key, substeps, tried.candidate, score))
-            }
-            _ => None,
+        let loops = tried.iter().filter_map(|tried| {
+            let substeps = match tried.candidate {
+                Candidate::Integrator { substeps, .. } => substeps,
+                Candidate::BlackBox => 1,
+                Candidate::Net { .. } => return None,
+            };
+            let score = tried.result.as_ref().ok().filter(|score| score.stands(max_failed))?;
+            let error = score.rms.filter(|rms| rms.is_finite()).unwrap_or(f64::INFINITY);
+            Some(((score.unsound.is_some(), error), substeps, tried.candidate, score))
         });
         let exactest = loops.min_by(|a, b| {
             let (a_key, b_key) = (a.0, b.0);
@@ -194,8 +196,8 @@ impl Standard {
         good
     }
 
-    /// The model to use: of those that cost as little as the cheapest, an integrator rather than a
-    /// net, which has to be trained, and then the most exact one.
+    /// The model to use: of those that cost as little as the cheapest, another rather than a net,
+    /// which has to be trained, and then the most exact one.
     pub(crate) fn winner<'a>(&self, tried: &'a [Tried]) -> Option<(&'a Tried, &'a Score)> {
         let ranking = self.ranking(tried);
         let (_, cheapest) = ranking.first()?;
@@ -204,8 +206,7 @@ impl Standard {
             .iter()
             .filter(|(_, score)| score.p50_us <= most && self.is_in_time(score) == in_time);
         let order = |(tried, score): &(&Tried, &Score)| {
-            let is_net = matches!(tried.candidate, Candidate::Net { .. });
-            (is_net, score.rms.unwrap_or(f64::INFINITY))
+            (tried.candidate.is_net(), score.rms.unwrap_or(f64::INFINITY))
         };
         as_cheap
             .min_by(|a, b| {

@@ -11,7 +11,7 @@ impl Advice<'_> {
     pub fn config(&self, own: &Experiment, base: &Experiment, net: Option<&str>) -> String {
         let candidate = self.winner().candidate;
         let mut experiment = match candidate {
-            Candidate::Integrator { .. } => without_net(own, base),
+            Candidate::Integrator { .. } | Candidate::BlackBox => without_net(own, base),
             Candidate::Net { .. } => base.clone(),
         };
         experiment.name = format!("{}-recommended", own.name);

@@ -37,7 +37,7 @@ pub enum RunError {
     },
     /// No integrator makes a loop that others could be compared with.
     #[error(
-        "{name}: no model can be chosen, since no loop with an integrator succeeded{}: {reasons}",
+        "{name}: no model can be chosen, since no loop succeeded that others could be compared with{}: {reasons}",
         if *out_of_time { " so far (the time was up; --budget-s gives more)" } else { "" }
     )]
     NothingToChoose {

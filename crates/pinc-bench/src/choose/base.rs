@@ -29,11 +29,6 @@ impl Base {
     pub(super) fn of(experiment: &Experiment, plants: &Plants) -> Result<Self, RunError> {
         let (name, command) = (&experiment.name, "pinc choose");
         let missing = |section| RunError::missing_section(name, section, command);
-        if experiment.plant.is_black_box() {
-            let problem =
-                format!("`{command}` needs a plant with an equation, and [plant] is a black box");
-            return Err(RunError::usage(name, problem));
-        }
         let control = experiment.control.as_ref().ok_or_else(|| missing("control"))?;
         let step_s = experiment.sample_time_s().ok_or_else(|| missing("model"))?;
         let mut notes = Vec::new();
@@ -41,17 +36,24 @@ impl Base {
         (own.sweep, own.prediction) = (None, None);
         if let Some(control) = &mut own.control {
             // A section that is not there makes no sense of it; each case says its own model.
-            control.models = vec![ModelKind::RK4];
+            control.models = vec![match experiment.plant.is_black_box() {
+                true => ModelKind::BlackBox,
+                false => ModelKind::RK4,
+            }];
         }
         if own.domain.is_none() {
             own.domain = domain_of_bounds(experiment);
         }
         let mut added = String::new();
+        let has_equation = !own.plant.is_black_box();
         let is_steppable = own.domain.as_ref().is_some_and(|domain| {
+            if !has_equation {
+                return true;
+            }
             let plant = own.plant.family(&own.varying());
             Steps::new(&*plant, domain, step_s, 64, 1e-10).is_ok()
         });
-        if !is_steppable {
+        if !is_steppable || !has_equation {
             own.one_step = None;
         } else if own.one_step.is_none() {
             added += ONE_STEP;
@@ -137,10 +139,14 @@ fn domain_of_bounds(experiment: &Experiment) -> Option<Domain> {
 fn sources_of(own: &Experiment, one_length: bool) -> Vec<TrainingTarget> {
     use pinc_net::Ansatz::HardLinear;
     let is_hard = own.model.as_ref().is_none_or(|model| model.ansatz == HardLinear);
-    match is_hard && one_length && own.data.is_none() {
-        true => vec![TrainingTarget::Integrator, TrainingTarget::Physics],
-        false => vec![TrainingTarget::Physics],
+    let mut sources = Vec::new();
+    if is_hard && one_length && own.data.is_none() {
+        sources.push(TrainingTarget::Integrator);
     }
+    if !own.plant.is_black_box() {
+        sources.push(TrainingTarget::Physics);
+    }
+    sources
 }
 
 /// The sections of a training that the config lacks. The scenarios of the validation begin in the
@@ -154,6 +160,9 @@ fn net_sections(own: &Experiment, domain: &Domain, longest_s: f64) -> String {
     }
     if own.training.is_none() {
         text += "[training]\n";
+        if own.plant.is_black_box() {
+            text += "source = \"integrator\"\n";
+        }
     }
     if own.validation.is_none() {
         let length_s = own.model.as_ref().map_or(longest_s, |model| model.sample_time_s);

@@ -53,7 +53,8 @@ impl std::fmt::Display for Choice {
 ///
 /// # Errors
 ///
-/// [`RunError`] if the config has no closed loop, no loop with an integrator succeeds, or files
+/// [`RunError`] if the config has no closed loop, no loop with an integrator, or with a black box
+/// itself, succeeds, or files
 /// cannot be written.
 pub fn choose(
     experiment: &Experiment,
@@ -65,7 +66,8 @@ pub fn choose(
     let base = Base::of(experiment, plants)?;
     let mut session = Session::open(&base, dir, plants, options, how.budget_s)?;
     let (control, sources, states) = (base.control(), &base.sources, base.states());
-    let search = Search { control, sources, states, within: how.within };
+    let has_equation = !experiment.plant.is_black_box();
+    let search = Search { control, sources, states, within: how.within, has_equation };
     let mut found = search.run(&mut session)?;
     if let Some(standard) = search.standard(&found.tried) {
         found.prove(&standard, |tried| session.proven(tried));
@@ -82,7 +84,7 @@ pub fn choose(
     Ok(Choice { recommended, report, text: advice.to_string() })
 }
 
-/// An error that says how the loops with integrators ended.
+/// An error that says how the loops ended that could have been a standard.
 fn nothing(name: &str, found: &SearchResult) -> RunError {
     let reason = |tried: &Tried| match &tried.result {
         Err(error) => format!("{}: {error}", tried.candidate),

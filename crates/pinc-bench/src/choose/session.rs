@@ -103,7 +103,7 @@ impl<'a> Session<'a> {
             Candidate::Integrator { integrator, substeps } => {
                 self.of_box.as_ref()?.soundness(integrator, substeps).objection()
             }
-            Candidate::Net { .. } => None,
+            Candidate::BlackBox | Candidate::Net { .. } => None,
         }
     }
 
@@ -114,6 +114,7 @@ impl<'a> Session<'a> {
             (Candidate::Integrator { integrator, substeps }, _) => {
                 self.of_box.as_ref()?.proven(integrator, substeps, cores())
             }
+            (Candidate::BlackBox, _) => None,
             (Candidate::Net { .. }, net) => {
                 let model = self.sweep_dir.net(net.as_ref()?).join(file::MODEL);
                 proven_net_error(&self.base.experiment, &model).ok()?

@@ -68,6 +68,8 @@ pub struct Search<'a> {
     pub states: usize,
     /// How much more than the most exact model's an IAE may be, relative.
     pub within: f64,
+    /// Whether integrators are tried. A plant without an equation is itself the most exact model.
+    pub has_equation: bool,
 }
 
 /// The result of a search.
@@ -118,7 +120,9 @@ impl Search<'_> {
         let mut found = SearchResult::default();
         self.exact(&mut found, loops)?;
         if self.standard(&found.tried).is_some() {
-            self.cheap(&mut found, loops)?;
+            if self.has_equation {
+                self.cheap(&mut found, loops)?;
+            }
             self.nets(&mut found, loops)?;
             self.finals(&mut found, loops)?;
         }
@@ -166,6 +170,10 @@ impl Search<'_> {
     /// A model that is so exact that a better one changes nothing.
     fn exact<L: Loops>(&self, found: &mut SearchResult, loops: &mut L) -> Result<(), L::Error> {
         let tolerance = 0.1 * self.within;
+        if !self.has_equation {
+            found.attempt(loops, Candidate::BlackBox)?;
+            return Ok(());
+        }
         for integrator in [Integrator::Rk4, Integrator::Rosenbrock] {
             let start = self.control.own_substeps(integrator);
             self.climb(found, loops, integrator, |tried| ladder::finer(start, tried, tolerance))?;
@@ -224,9 +232,10 @@ impl Search<'_> {
                 {
                     found.untried.push(format!(
                         "{}: the control step with {} takes {us:.1} us, more than {HOPELESS} times that \
-                         of the cheapest good integrator",
+                         of the cheapest good {}",
                         names(&shapes[place..], source),
                         Candidate::Net { shape: shapes[place - 1], source, longer: false },
+                        standard.exact.noun(),
                     ));
                     break;
                 }
@@ -269,7 +278,7 @@ impl Search<'_> {
                     Candidate::Net { shape: other, source: on, .. } => {
                         other == shape && on == source
                     }
-                    Candidate::Integrator { .. } => false,
+                    Candidate::Integrator { .. } | Candidate::BlackBox => false,
                 };
                 nets.iter().any(alike)
             };

@@ -69,7 +69,7 @@ fn order_of(
 ) -> (Vec<String>, SearchResult) {
     let control: ControlSpec = toml::from_str(SPEC).unwrap();
     let sources = &[TrainingTarget::Integrator, TrainingTarget::Physics];
-    let search = Search { control: &control, sources, states, within: 0.01 };
+    let search = Search { control: &control, sources, states, within: 0.01, has_equation: true };
     // Where time is short, it is so to the end.
     let mut loops = Rules { rule, asked: Vec::new(), most, rounds: if most < 99 { 2 } else { 99 } };
     let Ok(found) = search.run(&mut loops);
@@ -85,6 +85,7 @@ fn us(substeps: usize) -> f64 {
 fn the_best_guesses_come_first() {
     // RK4 is good from 2 substeps on, RK5 with 1; a net only if it is distilled and large.
     let (asked, found) = order(99, |candidate| match candidate {
+        Candidate::BlackBox => None,
         Candidate::Integrator { integrator: Integrator::Rk4, substeps } => {
             Some((if substeps < 2 { 120.0 } else { 100.0 }, us(substeps)))
         }
@@ -124,6 +125,7 @@ fn the_best_guesses_come_first() {
 #[test]
 fn nets_of_many_states_have_one_layer_first() {
     let (asked, _) = order_of(20, 99, |candidate| match candidate {
+        Candidate::BlackBox => None,
         Candidate::Integrator { .. } => Some((100.0, 5.0)),
         Candidate::Net { .. } => Some((100.0, 1.0)),
     });
@@ -134,6 +136,7 @@ fn nets_of_many_states_have_one_layer_first() {
 #[test]
 fn a_stiff_plant_has_the_method_for_stiff_plants_tried() {
     let (asked, _) = order(99, |candidate| match candidate {
+        Candidate::BlackBox => None,
         Candidate::Integrator { integrator: Integrator::Rosenbrock, .. } => Some((100.0, 9.0)),
         Candidate::Integrator { .. } => None,
         Candidate::Net { .. } => Some((100.0, 30.0)),
@@ -151,9 +154,11 @@ fn a_small_net_that_fails_keeps_no_larger_one_from_being_tried() {
     // Failing steps take long, as the solver goes on to its last iteration.
     let control: ControlSpec = toml::from_str(SPEC).unwrap();
     let sources = &[TrainingTarget::Integrator];
-    let search = Search { control: &control, sources, states: 20, within: 0.01 };
+    let search =
+        Search { control: &control, sources, states: 20, within: 0.01, has_equation: true };
     let mut loops = Rules {
         rule: |candidate| match candidate {
+            Candidate::BlackBox => None,
             Candidate::Integrator { .. } => Some((100.0, 5.0)),
             Candidate::Net { shape: Shape { neurons: 48, layers: 2 }, .. } => Some((100.0, 4.0)),
             Candidate::Net { .. } => Some((f64::NAN, 400.0)),
@@ -173,6 +178,7 @@ fn a_small_net_that_fails_keeps_no_larger_one_from_being_tried() {
 fn what_is_not_tried_is_reported_with_the_reason() {
     // Good from 2x24 on, which takes more than twice as long as RK4.
     let (_, found) = order(99, |candidate| match candidate {
+        Candidate::BlackBox => None,
         Candidate::Integrator { integrator: Integrator::Rk4, .. } => Some((100.0, 2.0)),
         Candidate::Integrator { .. } => Some((100.0, 3.0)),
         Candidate::Net { .. } => Some((150.0, 4.5)),
@@ -188,6 +194,7 @@ fn what_is_not_tried_is_reported_with_the_reason() {
     }
     // At most twice as long is within reach: 4 us of 2 us.
     let (asked, _) = order(99, |candidate| match candidate {
+        Candidate::BlackBox => None,
         Candidate::Integrator { .. } => Some((100.0, 2.0)),
         Candidate::Net { .. } => Some((150.0, 3.9)),
     });
@@ -199,6 +206,7 @@ fn what_is_not_tried_is_reported_with_the_reason() {
 #[test]
 fn a_net_that_is_nearly_good_is_trained_longer() {
     let (asked, _) = order(99, |candidate| match candidate {
+        Candidate::BlackBox => None,
         Candidate::Integrator { .. } => Some((100.0, 5.0)),
         Candidate::Net { shape: Shape { layers: 2, neurons: 16 }, longer, .. } => {
             Some((if longer { 100.5 } else { 101.5 }, 2.0))
@@ -225,4 +233,29 @@ fn nothing_is_tried_after_the_time_is_up() {
     let (asked, found) = order(99, |_| None);
     assert!(asked.iter().all(|asked| asked.starts_with('R')), "{asked:?}");
     assert_eq!(found.tried.len(), 12);
+}
+
+#[test]
+fn a_plant_without_an_equation_is_compared_with_nets_only() {
+    let control: ControlSpec = toml::from_str(SPEC).unwrap();
+    let sources = &[TrainingTarget::Integrator];
+    let search =
+        Search { control: &control, sources, states: 2, within: 0.01, has_equation: false };
+    let rule = |candidate| match candidate {
+        Candidate::Integrator { .. } => panic!("there is no equation"),
+        Candidate::BlackBox => Some((100.0, 900.0)),
+        Candidate::Net { shape, .. } => Some((if shape.neurons < 24 { 150.0 } else { 100.0 }, 5.0)),
+    };
+    let mut loops = Rules { rule, asked: Vec::new(), most: 99, rounds: 1 };
+    let Ok(found) = search.run(&mut loops);
+    let expected = ["black box", "distilled 2x16", "distilled 2x24"];
+    assert_eq!(loops.asked[..3], expected, "{:?}", loops.asked);
+    let advice = crate::Advice::of(&search, &found, &[]).unwrap();
+    assert_eq!(advice.winner().candidate.to_string(), "distilled 2x24");
+    let said = advice.sentences()[0].clone();
+    let part = "the most exact model, black box, 100.000000";
+    assert!(
+        said.contains(part) && said.ends_with("; the black box itself takes 900.0 us."),
+        "{said}"
+    );
 }
