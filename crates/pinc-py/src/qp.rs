@@ -73,8 +73,15 @@ pub(crate) fn solve_dense_qp<'py>(
     qp.bounds.high[1..].copy_from_slice(&vector(ub.as_ref(), "ub", n, f64::INFINITY)?);
     let mut step = QpStep::new(dims);
     let status = py.detach(|| {
-        let mut solver = ChosenQp::new(&qp, QpMethod::Auto)?;
-        Ok(solver.solve(&qp, &mut step, &mut || false))
+        let mut status = QpStatus::Failed;
+        // The memory of a method that is not needed would take longer than the solution.
+        for method in [QpMethod::Condensed, QpMethod::Clarabel] {
+            if status == QpStatus::Failed {
+                step = QpStep::new(dims);
+                status = ChosenQp::new(&qp, method)?.solve(&qp, &mut step, &mut || false);
+            }
+        }
+        Ok(status)
     });
     let status = status.map_err(|error: pinc_qp::QpError| input(error.to_string()))?;
     if status != QpStatus::Solved {
