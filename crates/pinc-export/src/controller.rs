@@ -222,8 +222,14 @@ impl<'a> Controller<'a> {
         if config.real_time {
             return refuse("real-time iterations", "sqp.real_time = false and a budget");
         }
-        if config.hessian == SqpHessian::Adaptive {
-            return refuse("sqp.hessian = \"adaptive\"", "sqp.hessian = \"gauss-newton\"");
+        if config.hessian.resolve(problem) == SqpHessian::Adaptive {
+            let feature = match problem.leaves_inputs_free() {
+                true => {
+                    "an input without a weight in r beside fewer controlled quantities than inputs"
+                }
+                false => "sqp.hessian = \"adaptive\"",
+            };
+            return refuse(feature, "sqp.hessian = \"gauss-newton\"");
         }
         if config.starts > 1 {
             return refuse("sqp.starts", "sqp.starts = 1");

@@ -1,7 +1,7 @@
 //! The choices of the optimization, and how it ends.
 
 use crate::error::{check_range, check_setting};
-use crate::{MpcError, QpMethod};
+use crate::{MpcError, NmpcProblem, QpMethod};
 use serde::{Deserialize, Serialize};
 use std::fmt;
 
@@ -56,7 +56,8 @@ impl fmt::Display for SqpStatus {
 #[serde(rename_all = "kebab-case")]
 #[non_exhaustive]
 pub enum SqpHessian {
-    /// `Adaptive` on a scenario tree, otherwise `GaussNewton`.
+    /// `Adaptive` on a scenario tree, and where the cost leaves inputs free
+    /// ([`NmpcProblem::leaves_inputs_free`]); otherwise `GaussNewton`.
     #[default]
     Auto,
     /// Without the curvature of model, outputs, h and g.
@@ -64,6 +65,20 @@ pub enum SqpHessian {
     /// Gauss-Newton, and where it is slow the exact Hessian of the Lagrangian, made convex. It needs
     /// second derivatives, which make a QP several times as expensive.
     Adaptive,
+}
+
+impl SqpHessian {
+    /// Resolves `Auto` for a problem.
+    #[must_use]
+    pub fn resolve(self, problem: &NmpcProblem) -> Self {
+        match self {
+            Self::Auto if !problem.tree().is_chain() || problem.leaves_inputs_free() => {
+                Self::Adaptive
+            }
+            Self::Auto => Self::GaussNewton,
+            Self::GaussNewton | Self::Adaptive => self,
+        }
+    }
 }
 
 /// The choices of the optimization.

@@ -5,7 +5,7 @@ use crate::error::{check_finite, check_numbers, check_range};
 use crate::outputs::OutputRows;
 use crate::scenarios::Nodes;
 use crate::units::{ProblemUnits, Units};
-use crate::{Bounds, Constraints, MpcError, Scenarios, Softness, Tracked, Weights};
+use crate::{Bounds, Constraints, MpcError, Scenarios, Softness, Tracked, Weight, Weights};
 use pinc_ode::Dims;
 use pinc_qp::{OcpDims, Tree};
 
@@ -181,6 +181,17 @@ impl NmpcProblem {
     #[must_use]
     pub fn tree(&self) -> Tree {
         self.scenarios.as_ref().and_then(Scenarios::tree).unwrap_or(Tree::CHAIN)
+    }
+
+    /// Whether fewer quantities are tracked than there are inputs, and changes of an input have no
+    /// weight: the Gauss-Newton Hessian is singular then, and its steps along inputs that the cost does
+    /// not see are arbitrary.
+    #[must_use]
+    pub fn leaves_inputs_free(&self) -> bool {
+        let inputs = self.input_bounds.low.len();
+        let Weights { r, input_sequence, .. } = &self.weights;
+        let free = |r: &Weight| (0..r.size()).any(|input| r.entry(input, input) <= 0.0);
+        self.tracked.len() < inputs && input_sequence.is_none() && r.all().iter().any(free)
     }
 
     /// Whether outputs of the model are tracked or bounded.

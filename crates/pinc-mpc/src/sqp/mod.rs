@@ -114,8 +114,9 @@ impl Sqp {
         let transcription = Transcription::new(problem, horizon, stage_cost);
         let qp = transcription.qp();
         let dims = qp.dims;
+        let hessian = config.hessian.resolve(problem);
         Ok(Self {
-            config,
+            config: SqpConfig { hessian, ..config },
             solver: ChosenQp::new(&qp, config.qp)?,
             step: QpStep::new(dims),
             other_step: QpStep::new(dims),
@@ -321,7 +322,7 @@ impl Sqp {
         let (mut iterations, mut least) = (0, point.kkt.max());
         let (mut conflict, mut plan_state) = (None, PlanState::Evaluated);
         let (mut curvature_dropped, always) = (false, self.transcription.leaves_out_hessian());
-        self.hessian = HessianChoice::of(self.config.hessian, always, self.qp.dims.tree.is_chain());
+        self.hessian = HessianChoice::of(self.config.hessian, always);
         self.settled = false;
         let status = loop {
             if let Some(status) = self.check_termination(point.kkt, iterations) {

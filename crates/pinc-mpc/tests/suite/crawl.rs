@@ -174,3 +174,46 @@ fn the_nearest_points_of_a_disc_are_found() {
         }
     }
 }
+
+/// What two inputs waste, least at (0.3, -0.2).
+#[derive(Clone, Debug)]
+struct Waste;
+
+impl Plant for Waste {
+    fn states(&self) -> &[Variable] {
+        &NONE[..1]
+    }
+
+    fn inputs(&self) -> &[Variable] {
+        &NONE[..2]
+    }
+
+    fn rhs<S: Scalar>(&self, x: &[S], u: &[S], _p: &[S], dx: &mut [S]) {
+        let (a, b) = (u[0] - 0.3, u[1] + 0.2);
+        dx[0] = a * a + b * b * 0.3 + a * b * 0.4 - x[0];
+    }
+}
+
+/// One state and two inputs whose changes cost nothing: many plans are as good to first order, and
+/// Gauss-Newton jumps among them. The reference, 0.5 below 0, cannot be reached.
+#[test]
+fn inputs_that_the_cost_leaves_free_take_the_exact_hessian() {
+    let plant = Rk4::new(Waste, 0.5, 2);
+    let problem = NmpcProblem {
+        input_bounds: Bounds::new(vec![-1.0; 2], vec![1.0; 2]),
+        ..NmpcProblem::new(plant.dims(), 4, Weights::uniform(vec![1.0], vec![0.0, 0.0]))
+    };
+    assert!(problem.leaves_inputs_free());
+    let weighted = Weights::uniform(vec![1.0], vec![1e-3, 1e-3]);
+    assert!(!NmpcProblem { weights: weighted, ..problem.clone() }.leaves_inputs_free());
+    let first = |hessian: SqpHessian| {
+        let config = SqpConfig { hessian, ..SqpConfig::default() };
+        let mut nmpc = Nmpc::new(problem.clone(), Box::new(plant.clone()), config).unwrap();
+        let step = nmpc.step(&[0.4], &[-0.5; 4]).unwrap();
+        (step.status, step.u.to_vec())
+    };
+    let (status, u) = first(SqpHessian::Auto);
+    assert_eq!(status, SqpStatus::Converged);
+    assert!((u[0] - 0.3).abs() < 1e-6 && (u[1] + 0.2).abs() < 1e-6, "{u:?}");
+    assert_eq!(first(SqpHessian::GaussNewton).0, SqpStatus::IterationLimit);
+}

@@ -1,5 +1,8 @@
 //! Which Hessian the programs have.
 
+#[cfg(test)]
+mod tests;
+
 use crate::SqpHessian;
 
 /// The Hessian of a program.
@@ -36,17 +39,12 @@ pub(super) struct HessianChoice {
 }
 
 impl HessianChoice {
-    /// Begins an iteration on a chain or a tree, with a cost that may leave out its Hessian.
-    pub(super) fn of(hessian: SqpHessian, leaves_out: bool, is_chain: bool) -> Self {
-        let gauss_newton = match hessian {
-            SqpHessian::Auto => is_chain,
-            SqpHessian::GaussNewton => true,
-            SqpHessian::Adaptive => false,
-        };
-        Self::new(if leaves_out {
-            Some(Hessian::Exact)
-        } else {
-            gauss_newton.then_some(Hessian::GaussNewton)
+    /// Begins an iteration by a choice that is made, with a cost that may leave out its Hessian.
+    pub(super) fn of(hessian: SqpHessian, leaves_out: bool) -> Self {
+        Self::new(match hessian {
+            _ if leaves_out => Some(Hessian::Exact),
+            SqpHessian::Auto | SqpHessian::GaussNewton => Some(Hessian::GaussNewton),
+            SqpHessian::Adaptive => None,
         })
     }
 
@@ -104,52 +102,5 @@ impl HessianChoice {
             Hessian::Exact => Hessian::GaussNewton,
         };
         true
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    /// The Hessians of programs with these residuals.
-    fn hessians(only: Option<Hessian>, residuals: impl Iterator<Item = f64>) -> Vec<Hessian> {
-        let mut choice = HessianChoice::new(only);
-        let each = residuals.enumerate().map(|(k, residual)| {
-            choice.judge(k, residual);
-            choice.current()
-        });
-        each.collect()
-    }
-
-    #[test]
-    fn a_slow_hessian_is_changed_and_a_fast_one_is_kept() {
-        use Hessian::{Exact, GaussNewton};
-        let falling = |factor: f64| (0..24).map(move |k| factor.powi(k));
-        // 0.5^4 is below a tenth, 0.6^4 above.
-        assert_eq!(hessians(None, falling(0.5)), [GaussNewton; 24]);
-        let slow = [[GaussNewton; 8], [Exact; 8], [GaussNewton; 8]].concat();
-        assert_eq!(hessians(None, falling(0.6)), slow);
-        assert_eq!(hessians(Some(Exact), falling(1.0)), [Exact; 24]);
-        // A rise at the beginning counts for nothing.
-        let late = [1.0, 1e3, 1e3, 1e2, 1.0, 0.1, 1e-2, 1e-3, 1e-4];
-        assert_eq!(hessians(None, late.into_iter()), [GaussNewton; 9]);
-    }
-
-    #[test]
-    fn only_the_exact_hessian_is_given_up() {
-        let mut choice = HessianChoice::new(None);
-        assert!(!choice.give_up(1));
-        assert!((0..=8).any(|k| choice.judge(k, 1.0)));
-        assert!(choice.give_up(10));
-        assert_eq!(choice.current(), Hessian::GaussNewton);
-        assert!(!HessianChoice::new(Some(Hessian::Exact)).give_up(1));
-    }
-
-    #[test]
-    fn another_problem_is_judged_by_its_own_residuals() {
-        let mut choice = HessianChoice::new(None);
-        (0..5).for_each(|k| assert!(!choice.judge(k, 1e-3)));
-        choice.restart(5);
-        assert!((5..20).all(|k| !choice.judge(k, 1e3 * 0.5_f64.powi(i32::try_from(k).unwrap()))));
     }
 }
