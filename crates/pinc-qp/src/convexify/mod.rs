@@ -1,6 +1,9 @@
 //! Quadratic programs made convex where they are not.
 
-use crate::algebra::block_mut;
+#[cfg(test)]
+mod tests;
+
+use crate::algebra::{all_finite, block_mut};
 use crate::{Limits, Multipliers, OcpDims, Qp};
 
 /// An eigenvalue this far below 0, in terms of the largest entry, is negative and not rounding.
@@ -17,6 +20,10 @@ const ACTIVE: f64 = 1e-7;
 /// that is solved, and where only the sign of other curvature matters.
 const HELD: [f64; 2] = [1e4, 1e8];
 
+/// A change of T above this part of the Hessian's largest entry drowns all else: unstable dynamics make
+/// that of a little negative curvature over a long horizon.
+const EXCESSIVE: f64 = 1e6;
+
 /// Makes a program convex on its dynamics: the Riccati recursion over (`dx_j`, `du_{j-1}`), as the
 /// stage-wise method has it, in which the curvature by the increment of a stage,
 ///
@@ -27,7 +34,8 @@ const HELD: [f64; 2] = [1e4, 1e8];
 /// must be positive definite. Where it is not, its negative eigenvalues lambda become `|lambda|`
 /// (and small ones a little positive), and `T_j` gets the difference. The Hessians of the states
 /// may stay indefinite: where G is positive definite at all stages, the program is left as it is
-/// and has one solution.
+/// and has one solution. Where `T_j` would get more than [`EXCESSIVE`], the Hessians of the states and of
+/// the inputs lose their negative eigenvalues, and their products, stage by stage instead.
 ///
 /// Before that, a program that is not convex may get curvature along its active rows, c'd = r for one
 /// with a multiplier: `rho (c'd - r)^2 / 2`, which is 0 at a solution that keeps the row active, like
@@ -47,6 +55,10 @@ pub struct Convexifier {
     vectors: Vec<f64>,
     /// `G^-1 M_u:`, `[m, n + m]`.
     gain: Vec<f64>,
+    /// T as it was.
+    plain_t: Vec<f64>,
+    /// A Hessian of a stage, and its eigenvectors.
+    stage: [Vec<f64>; 2],
     holds: bool,
 }
 
@@ -64,6 +76,8 @@ impl Convexifier {
             pivot: vec![0.0; m * m],
             vectors: vec![0.0; m * m],
             gain: vec![0.0; m * s],
+            plain_t: vec![0.0; dims.n_controls * m * m],
+            stage: [vec![0.0; n.max(m).pow(2)], vec![0.0; n.max(m).pow(2)]],
             holds: false,
         }
     }
@@ -94,7 +108,36 @@ impl Convexifier {
             hold(qp, multipliers, HELD[0]);
             self.holds = true;
         }
-        self.recur(qp, false)
+        self.plain_t.copy_from_slice(&qp.t);
+        let dropped = self.recur(qp, false);
+        let changes = qp.t.iter().zip(&self.plain_t).map(|(t, plain)| (t - plain).abs());
+        let change = changes.fold(0.0, f64::max);
+        if dropped && (change > EXCESSIVE * largest_entry(qp, &self.plain_t) || !all_finite(&qp.t))
+        {
+            qp.t.copy_from_slice(&self.plain_t);
+            self.clip(qp);
+            self.recur(qp, false);
+        }
+        dropped
+    }
+
+    /// Takes the negative eigenvalues out of Q and T, and S and E away.
+    fn clip(&mut self, qp: &mut Qp) {
+        let OcpDims { nx, nu, .. } = qp.dims;
+        for (blocks, size) in [(&mut qp.q, nx), (&mut qp.t, nu)] {
+            let [matrix, vectors] = self.stage.each_mut().map(|list| &mut list[..size * size]);
+            for block in blocks.chunks_exact_mut(size * size) {
+                matrix.copy_from_slice(block);
+                diagonalize(matrix, vectors, size);
+                for (e, value) in matrix.iter().step_by(size + 1).enumerate() {
+                    if *value < 0.0 {
+                        add_outer(block, -value, vectors, (e, size));
+                    }
+                }
+            }
+        }
+        qp.s.fill(0.0);
+        qp.s_before.fill(0.0);
     }
 
     /// The recursion; whether curvature was negative. If so, it may end there.
@@ -141,10 +184,24 @@ impl Convexifier {
     }
 }
 
+/// The largest entry of Q, R and of a T, at least 1.
+fn largest_entry(qp: &Qp, t: &[f64]) -> f64 {
+    let entries = qp.q.iter().chain(t).chain(&qp.r);
+    entries.fold(1.0_f64, |most, entry| most.max(entry.abs()))
+}
+
+/// Adds `factor` v v' for column `e` of some `vectors`.
+fn add_outer(to: &mut [f64], factor: f64, vectors: &[f64], (e, size): (usize, usize)) {
+    for (i, row) in to.chunks_exact_mut(size).enumerate() {
+        for (k, entry) in row.iter_mut().enumerate() {
+            *entry += factor * vectors[i * size + e] * vectors[k * size + e];
+        }
+    }
+}
+
 /// Holds the rows with multipliers by curvature, a multiple of the largest entry of the Hessian.
 fn hold(qp: &mut Qp, multipliers: &Multipliers, multiple: f64) {
-    let entries = qp.q.iter().chain(&qp.t).chain(&qp.r);
-    let rho = multiple * entries.fold(1.0_f64, |most, entry| most.max(entry.abs()));
+    let rho = multiple * largest_entry(qp, &qp.t);
     let OcpDims { nx: n, nu: m, .. } = qp.dims;
     let states = qp.dims.all_states();
     let Qp { q, t, r, gradient, bounds, increments, dims, .. } = qp;
@@ -385,212 +442,5 @@ fn rotate(matrix: &mut [f64], vectors: &mut [f64], m: usize, [k, i]: [usize; 2],
     for column in 0..m {
         turn(matrix, k * m + column, i * m + column);
         turn(vectors, column * m + k, column * m + i);
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    /// Two states, two inputs of which the second is held for two stages, three stages.
-    fn program(curvature: f64) -> Qp {
-        let dims = OcpDims {
-            nx: 2,
-            nu: 2,
-            horizon: 3,
-            n_controls: 2,
-            tree: crate::Tree::CHAIN,
-            n1: 1,
-            inequalities: 0,
-            equalities: 0,
-            outputs: 0,
-            feedthrough: 0,
-        };
-        let mut qp = Qp::new(dims, vec![0.0; 12], [1.0, 0.2, 0.2, 0.5].repeat(2)).with_end_cost();
-        let numbers = |count: usize, shift: f64| -> Vec<f64> {
-            (0..count).map(|i| (1.7 * f64::from(u32::try_from(i).unwrap()) + shift).sin()).collect()
-        };
-        (qp.a, qp.b, qp.s, qp.s_before) =
-            (numbers(12, 0.3), numbers(12, 1.1), numbers(12, 2.0), numbers(12, 0.7));
-        // Indefinite by itself.
-        qp.q = [-0.8, 0.3, 0.3, 1.5].repeat(3);
-        qp.t = [curvature, 0.4, 0.4, curvature].repeat(2);
-        qp.gradient = numbers(10, 0.1);
-        qp
-    }
-
-    /// d'H d of the step in which the inputs move by `u`.
-    fn curvature(qp: &Qp, u: &[f64]) -> f64 {
-        let form = |h: &[f64], a: &[f64], b: &[f64]| -> f64 {
-            let rows = h.chunks_exact(b.len()).zip(a);
-            rows.map(|(row, a)| a * row.iter().zip(b).map(|(h, b)| h * b).sum::<f64>()).sum()
-        };
-        let (mut x, mut sum) = (vec![0.0; 2], 0.0);
-        for j in 0..3 {
-            let now = &u[2 * j.min(1)..2 * j.min(1) + 2];
-            let next: Vec<f64> = (0..2)
-                .map(|i| {
-                    let (a, b) =
-                        (&qp.a(j)[2 * i..2 * i + 2], &qp.b[4 * j + 2 * i..4 * j + 2 * i + 2]);
-                    a[0] * x[0] + a[1] * x[1] + b[0] * now[0] + b[1] * now[1]
-                })
-                .collect();
-            x = next;
-            let after = &u[2 * (j + 1).min(1)..2 * (j + 1).min(1) + 2];
-            sum += form(qp.q(j + 1), &x, &x);
-            sum += 2.0 * form(qp.s(j + 1).unwrap(), after, &x);
-            sum += 2.0 * form(qp.s_before(j + 1).unwrap(), now, &x);
-        }
-        let (first, last) = (&u[..2], &u[2..]);
-        let moved = [last[0] - first[0], last[1] - first[1]];
-        sum + form(qp.t(0).unwrap(), first, first)
-            + form(qp.t(1).unwrap(), last, last)
-            + form(qp.r(0), first, first)
-            + form(qp.r(1), &moved, &moved)
-    }
-
-    /// The least curvature along the eigenvectors of the Hessian in the inputs.
-    fn least(qp: &Qp) -> f64 {
-        let unit = |i: usize, k: usize| {
-            let mut u = [0.0; 4];
-            (u[i], u[k]) = (1.0, 1.0);
-            curvature(qp, &u)
-        };
-        let mut matrix = vec![0.0; 16];
-        for i in 0..4 {
-            for k in 0..4 {
-                let both =
-                    if i == k { 2.0 * unit(i, i) } else { unit(i, k) - unit(i, i) - unit(k, k) };
-                matrix[4 * i + k] = 0.5 * both;
-            }
-        }
-        let mut vectors = vec![0.0; 16];
-        diagonalize(&mut matrix, &mut vectors, 4);
-        (0..4).map(|i| matrix[5 * i]).fold(f64::INFINITY, f64::min)
-    }
-
-    #[test]
-    fn a_program_with_one_minimum_is_left_as_it_is() {
-        let mut qp = program(9.0);
-        let t = qp.t.clone();
-        assert!(least(&qp) > 0.1, "{}", least(&qp));
-        assert!(!Convexifier::new(qp.dims).apply(&mut qp, None));
-        assert_eq!(qp.t, t);
-    }
-
-    /// Whether the program is changed is whether its Hessian in the inputs has a negative
-    /// eigenvalue, which it has no more afterwards.
-    #[test]
-    fn negative_curvature_is_found_and_dropped() {
-        let mut changed = 0;
-        for step in -20..40 {
-            let mut qp = program(0.25 * f64::from(step));
-            let before = least(&qp);
-            let dropped = Convexifier::new(qp.dims).apply(&mut qp, None);
-            assert_eq!(dropped, before < 0.0, "{step}: {before}");
-            assert!(least(&qp) > 0.0, "{step}: {}", least(&qp));
-            changed += usize::from(dropped);
-        }
-        assert!((10..50).contains(&changed), "{changed}");
-    }
-
-    /// What is kept by an active bound does not count.
-    #[test]
-    fn active_bounds_hide_curvature() {
-        let mut qp = program(9.0);
-        qp.t[0] = -40.0;
-        let mut multipliers = Multipliers::new(qp.dims);
-        assert!(Convexifier::new(qp.dims).finds_descent(&mut qp.clone(), &multipliers));
-        multipliers.bounds[6] = -0.5;
-        (qp.bounds.low[6], qp.bounds.penalty[6]) = (-0.1, 0.5);
-        // A violated bound keeps nothing.
-        assert!(Convexifier::new(qp.dims).finds_descent(&mut qp.clone(), &multipliers));
-        qp.bounds.penalty[6] = 0.6;
-        assert!(!Convexifier::new(qp.dims).finds_descent(&mut qp.clone(), &multipliers));
-    }
-
-    /// The solution of a program whose rows of each kind are active stays what it is, and the program
-    /// becomes convex without a change of other curvature.
-    #[test]
-    fn active_rows_are_held_where_they_are() {
-        for kind in 0..4 {
-            let mut qp = program(9.0);
-            let dims = OcpDims { inequalities: 1, ..qp.dims };
-            qp = Qp {
-                dims,
-                rows: Limits::none(3),
-                rows_x: vec![0.0; 6],
-                rows_u: vec![0.0; 6],
-                ..qp
-            };
-            let mut multipliers = Multipliers::new(dims);
-            // The first input moves by 0.3.
-            match kind {
-                0 => {
-                    (qp.bounds.high[6], multipliers.bounds[6]) = (0.3, 2.0);
-                }
-                1 => {
-                    (qp.increments.low[0], multipliers.increments[0]) = (0.3, -2.0);
-                }
-                2 => {
-                    // A state that only this input moves.
-                    (qp.a, qp.b) = (vec![0.0; 12], vec![0.0; 12]);
-                    qp.b[0] = 1.0;
-                    (qp.bounds.high[0], multipliers.bounds[0]) = (0.3, 2.0);
-                }
-                _ => {
-                    // 2 u + x of the next stage.
-                    (qp.a, qp.b) = (vec![0.0; 12], vec![0.0; 12]);
-                    (qp.rows_x[0], qp.rows_u[0], qp.rows_u[1]) = (1.0, 0.0, 0.0);
-                    qp.b[0] = 2.0;
-                    (qp.rows.high[0], multipliers.rows[0]) = (0.6, 2.0);
-                }
-            }
-            let moved = |qp: &Qp, d: f64| {
-                let x = qp.b[0] * d;
-                let rest = qp.q[0] * x * x + qp.t[0] * d * d + qp.r[0] * d * d;
-                0.5 * rest + qp.gradient[6] * d + qp.gradient[0] * x
-            };
-            qp.t[0] = -40.0;
-            let before = qp.clone();
-            assert!(Convexifier::new(dims).apply(&mut before.clone(), None));
-            assert!(!Convexifier::new(dims).apply(&mut qp, Some(&multipliers)), "{kind}");
-            let change = |d: f64| moved(&qp, d) - moved(&before, d);
-            // rho (d - 0.3)^2 / 2 but for a constant: least at 0.3.
-            let [least, below, above] = [0.3, 0.2, 0.4].map(change);
-            assert!(
-                below > least + 10.0 && above > least + 10.0,
-                "{kind}: {below} {least} {above}"
-            );
-            assert!((above - below).abs() < 1e-9 * above.abs().max(1e6), "{kind}");
-        }
-    }
-
-    /// rho (u2 - u1 - 0.3)^2 / 2 with rho = 9, the largest entry.
-    #[test]
-    fn an_increment_is_held_between_its_two_inputs() {
-        let (mut qp, before) = (program(9.0), program(9.0).gradient);
-        let mut multipliers = Multipliers::new(qp.dims);
-        (qp.increments.low[2], multipliers.increments[2]) = (0.3, -2.0);
-        hold(&mut qp, &multipliers, 1.0);
-        for (i, (after, before)) in qp.gradient.iter().zip(before).enumerate() {
-            let expected = [(6, 2.7), (8, -2.7)].into_iter().find(|(place, _)| *place == i);
-            assert!((after - before - expected.map_or(0.0, |of| of.1)).abs() < 1e-12, "{i}");
-        }
-    }
-
-    #[test]
-    fn eigenvalues_match_a_known_matrix() {
-        // Q diag(3, -1, 0.5) Q' with rotations Q.
-        let (mut matrix, mut vectors) =
-            (vec![3.0, 0.0, 0.0, 0.0, -1.0, 0.0, 0.0, 0.0, 0.5], vec![0.0; 9]);
-        rotate(&mut matrix, &mut vectors, 3, [0, 2], [0.8, 0.6]);
-        rotate(&mut matrix, &mut vectors, 3, [1, 2], [0.28, 0.96]);
-        diagonalize(&mut matrix, &mut vectors, 3);
-        let mut values = [matrix[0], matrix[4], matrix[8]];
-        values.sort_by(f64::total_cmp);
-        for (found, expected) in values.iter().zip([-1.0, 0.5, 3.0]) {
-            assert!((found - expected).abs() < 1e-14, "{found} {expected}");
-        }
     }
 }
