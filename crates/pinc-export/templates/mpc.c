@@ -21,8 +21,10 @@
 #define PINC_SMALLEST_PIVOT PINC_PICK(1e-13, 1e-6)
 /* A combination of rows proves a conflict if no x up to this can make up for its rounding. */
 #define PINC_FARTHEST PINC_PICK(1e5, 1e2)
-/* Of a singular matrix: what is added to its diagonal, as a part of the largest entry; the slope that
-   may be left, relative to 1 + the largest; and how many proximal points there are at most. */
+/* A working row that is off by more than this, relative to the numbers involved, is not met. */
+#define PINC_NEAR PINC_PICK(1e-7, 1e-2)
+/* Of a singular matrix: what is added to its diagonal at first, as a part of the largest entry; the
+   slope that may be left, relative to 1 + the largest; and how many proximal points there are at most. */
 #define PINC_PROXIMAL PINC_PICK(1e-10, 1e-4)
 #define PINC_SLOPE PINC_PICK(1e-11, 1e-5)
 #define PINC_CENTERS 30

@@ -603,8 +603,8 @@ static int pinc_is_met(pinc_dense *s)
     for (k = 0; k < s->members; k++) {
         const PINC_REAL off = pinc_abs(s->values[s->working[k]] - s->bound[k]);
         const PINC_REAL size = PINC_N(1) + pinc_abs(s->bound[k]);
-        if (!(off <= (PINC_CONFLICT * size)) &&
-            !(off <= (PINC_CONFLICT * (size + pinc_terms(s, s->working[k]))))) {
+        if (!(off <= (PINC_NEAR * size)) &&
+            !(off <= (PINC_NEAR * (size + pinc_terms(s, s->working[k]))))) {
             return 0;
         }
     }
@@ -658,10 +658,10 @@ static int pinc_move_center(pinc_dense *s)
     return 1;
 }
 
-/* Factors H, or the regularized H where that is asked for, and solves from the multipliers in mu. */
-static pinc_qp_status pinc_dense_pass(pinc_mpc *m)
+/* Solves from the multipliers in mu, if the factorization before left something to do. */
+static pinc_qp_status pinc_dense_pass(pinc_mpc *m, pinc_qp_status factored)
 {
-    pinc_qp_status status = pinc_factor(m);
+    pinc_qp_status status = factored;
     m->dense.changes = 0;
     if (status == PINC_QP_CONTINUES) {
         status = pinc_start(m);
@@ -677,11 +677,12 @@ static pinc_qp_status pinc_dense_solve(pinc_mpc *m)
     PINC_REAL largest = PINC_N(0);
     pinc_qp_status status;
     int center;
+    int more;
     int i;
     s->tolerance = PINC_MET;
     s->proximal = PINC_N(0);
     pinc_copy(s->linear, s->gradient, PINC_INPUTS);
-    status = pinc_dense_pass(m);
+    status = pinc_dense_pass(m, pinc_factor(m));
     if (status != PINC_QP_FAILED) {
         return status;
     }
@@ -689,7 +690,12 @@ static pinc_qp_status pinc_dense_solve(pinc_mpc *m)
         largest = pinc_max(largest, s->hessian[i * (PINC_INPUTS + 1)]);
     }
     s->proximal = PINC_PROXIMAL * ((largest > PINC_N(0)) ? largest : PINC_N(1));
-    status = pinc_dense_pass(m);
+    status = pinc_factor(m);
+    for (more = 0; (more < 2) && (status == PINC_QP_FAILED); more++) {
+        s->proximal *= PINC_N(100);
+        status = pinc_factor(m);
+    }
+    status = pinc_dense_pass(m, status);
     for (center = 0; center < PINC_CENTERS; center++) {
         if ((status != PINC_QP_SOLVED) || (pinc_move_center(s) == 0)) {
             return status;

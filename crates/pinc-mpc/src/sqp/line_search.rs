@@ -10,6 +10,12 @@ use pinc_qp::{QpSolver, QpStatus, RowBlock};
 const SUFFICIENT: f64 = 1e-4;
 /// How often a step is halved.
 const HALVINGS: usize = 20;
+/// Where the merit function falls by this part of what its slope promises, it is not convex on the way.
+const CONCAVE: f64 = 0.5;
+/// The part of that fall by which violations may grow.
+const BROKEN: f64 = 0.1;
+/// How often a step is doubled.
+const DOUBLINGS: usize = 10;
 
 impl Sqp {
     /// Halves the step until the merit function decreases.
@@ -46,6 +52,10 @@ impl Sqp {
                 }
             }
             if merit <= start + SUFFICIENT * length * slope + noise {
+                let is_concave = halving == 0 && self.dropped && merit - start <= CONCAVE * slope;
+                if is_concave && slope < 0.0 {
+                    return self.extend(model, input, plan, (point, merit, slope), expired);
+                }
                 self.accept_trial(length);
                 return Search::Found(point);
             }
@@ -62,12 +72,47 @@ impl Sqp {
         Search::NoDescent
     }
 
+    /// Doubles a whole step as long as the merit function, now at `merit`, falls as it did: where negative
+    /// curvature was dropped, the program says nothing of how far it falls.
+    #[inline(never)]
+    fn extend(
+        &mut self,
+        model: &mut Horizon,
+        input: StepInput<'_>,
+        plan: &mut Solution,
+        (mut point, mut merit, slope): (Point, f64, f64),
+        expired: &mut dyn FnMut() -> bool,
+    ) -> Search {
+        let mut length = 1.0;
+        for _ in 0..DOUBLINGS {
+            let Some(longer) = self.evaluate_trial(model, input, plan, 2.0 * length, expired)
+            else {
+                return self.give_up(plan);
+            };
+            let further = self.merit.value(&self.trial, longer.cost);
+            let violation = further - longer.cost - (merit - point.cost);
+            if further - merit <= CONCAVE * length * slope
+                && violation <= BROKEN * (merit - further)
+            {
+                (point, merit, length) = (longer, further, 2.0 * length);
+                continue;
+            }
+            match self.evaluate_trial(model, input, plan, length, expired) {
+                Some(same) => point = same,
+                None => return self.give_up(plan),
+            }
+            break;
+        }
+        self.accept_trial(length);
+        Search::Found(point)
+    }
+
     /// The second-order correction of the step, which takes its place: the program with the dynamics
     /// and rows as they are at the end of the step, so that their curvature does not make the merit
     /// function refuse it. Only where an iteration has been slow; whether there is one. Reference:
     /// Nocedal and Wright, *Numerical Optimization*, section 18.3.
     fn corrects(&mut self, expired: &mut dyn FnMut() -> bool) -> bool {
-        if !self.hessian.has_changed() {
+        if !self.hessian.has_been_slow() {
             return false;
         }
         if self.hessian.current() == Hessian::GaussNewton {

@@ -56,6 +56,8 @@ pub(crate) struct Sqp {
     /// The program at the plan with the exact Hessian.
     curved: Qp,
     hessian: HessianChoice,
+    /// Whether the program lacks negative curvature.
+    dropped: bool,
     /// Whether the last program with the exact Hessian had the active rows that it began with.
     settled: bool,
     solver: ChosenQp,
@@ -136,6 +138,7 @@ impl Sqp {
             trial: qp.clone(),
             curved: transcription.curved_qp(),
             hessian: HessianChoice::new(None),
+            dropped: false,
             settled: false,
             transcription,
             qp,
@@ -333,6 +336,7 @@ impl Sqp {
             }
 
             // H
+            self.dropped = false;
             if self.hessian.judge(iterations, point.kkt.max()) {
                 self.step_length.reset();
             }
@@ -344,7 +348,10 @@ impl Sqp {
                     Purpose::Step { settled: self.settled },
                     expired,
                 ) {
-                    Some(dropped) => curvature_dropped = dropped && always,
+                    Some(dropped) => {
+                        self.dropped = dropped;
+                        curvature_dropped = dropped && always;
+                    }
                     None => break SqpStatus::Deadline,
                 }
             }
@@ -528,6 +535,8 @@ impl Sqp {
         if !self.transcription.units.is_identity() {
             self.move_in_units(plan, length);
         }
+        // Beyond the program's own there is no estimate of the multipliers where curvature was dropped.
+        let length = if self.dropped { length.min(1.0) } else { length };
         let parts = plan.multipliers.parts_mut().into_iter();
         let ends = self.base.multipliers.parts().into_iter().zip(self.step.multipliers.parts());
         for (part, (from, to)) in parts.zip(ends) {

@@ -15,9 +15,12 @@ const INFEASIBLE: f64 = 1e-8;
 /// A normal whose part independent of the working set is below this part of it counts as dependent.
 const DEPENDENT: f64 = 1e-10;
 
-/// The proximal term of a singular H, as a part of H's largest entry: far enough above what rounding
-/// leaves of a pivot that is 0.
-const PROXIMAL: f64 = 1e-10;
+/// A working row that is off by more than this, relative to the numbers involved, is not met.
+const MET: f64 = 1e-7;
+
+/// The proximal terms that a singular H is tried with, as parts of its largest entry: far enough above
+/// what rounding leaves of a pivot that is 0.
+const PROXIMAL: [f64; 3] = [1e-10, 1e-8, 1e-6];
 
 /// The slope that the proximal term may leave, relative to 1 + the largest of g.
 const SLOPE: f64 = 1e-11;
@@ -223,9 +226,11 @@ impl ActiveSet {
     fn factor_singular(&mut self, qp: &DenseQp) -> bool {
         let diagonal = qp.hessian.iter().step_by(qp.unknowns + 1);
         let most = diagonal.fold(0.0_f64, |most, entry| entry.max(most));
-        self.proximal = PROXIMAL * if most > 0.0 { most } else { 1.0 };
-        self.work.factorizations += 1;
-        self.cholesky.factor_shifted(&qp.hessian, self.proximal)
+        PROXIMAL.into_iter().any(|part| {
+            self.proximal = part * if most > 0.0 { most } else { 1.0 };
+            self.work.factorizations += 1;
+            self.cholesky.factor_shifted(&qp.hessian, self.proximal)
+        })
     }
 
     /// Takes x for the next proximal point; whether it is another than before.
@@ -277,7 +282,7 @@ impl ActiveSet {
         let near = |set: &mut Self, member: WorkingRow| {
             let off = (set.values[member.row] - member.bound).abs();
             let size = 1.0 + member.bound.abs();
-            off <= INFEASIBLE * size || off <= INFEASIBLE * (size + set.terms(qp, member.row))
+            off <= MET * size || off <= MET * (size + set.terms(qp, member.row))
         };
         all_finite(&self.values)
             && all_finite(&self.mu)

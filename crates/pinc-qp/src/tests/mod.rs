@@ -328,8 +328,8 @@ proptest! {
             let mut step = guess.clone();
             prop_assert_eq!(condensed.solve(&qp, &mut step, &mut || false), QpStatus::Solved);
             let residual = residual(&qp, &step);
-            // Rows are met to 1e-8 of 1 + their limit.
-            prop_assert!(residual < 10.0 * SHARP, "{:e}", residual);
+            // Rows are met to 1e-7 of the numbers involved.
+            prop_assert!(residual < 30.0 * SHARP, "{:e}", residual);
             solve(&mut RiccatiQp::new(&qp), &qp, guess, 10.0 * SHARP)?;
         }
     }

@@ -68,3 +68,44 @@ fn a_cost_that_is_wrong_is_named_with_its_key() {
         assert!(error.contains(expected), "{set}: {error}");
     }
 }
+
+/// A cost that curves downwards: converged in 39 programs and not after 300, since steps along which
+/// negative curvature was dropped are lengthened. The cost is IPOPT's.
+#[test]
+fn steps_along_negative_curvature_are_lengthened() {
+    let text = r#"
+name = "downwards"
+preset = "ours"
+seed = 1
+[plant.expression]
+states = ["x0", "x1", "x2"]
+inputs = ["u0"]
+[plant.expression.derivatives]
+x0 = "-0.3924*x0 - 0.1*x0^3 + 0.6271*cos(-0.6961*x1) - 0.1609*x1*x0 - 0.6503*u0"
+x1 = "-0.9815*x1 - 0.1*x1^3 + 0.5835*x1^2 + 0.6796*u0"
+x2 = "-0.7519*x2 - 0.1*x2^3 - 0.8068*sin(-1.6582*x2) + 0.9812*exp(-x1^2) - 0.8045*u0"
+[control.cost]
+stage = "0.3900*x1*u0 - 0.6665*tanh(x1) + 0.3001*u0*x0"
+terminal = "-0.7016*x1*x1 - 0.6906*x1"
+[control]
+models = ["rk4"]
+step_s = 0.118
+duration_s = 0.118
+rk4_substeps = 2
+initial_state = [-0.18080769881474956, -0.6463927932426534, 0.9046346681500534]
+n2 = 10
+nu = 10
+input_low = [-1.4790400595749353]
+input_high = [1.6310512987993186]
+sqp = { max_iterations = 100 }
+r = [0.2506080283289293]
+"#;
+    let experiment =
+        Experiment::parse("text.toml".as_ref(), text, &[], &Plants::built_in()).unwrap();
+    let mut controller = LiveController::new(&experiment, None, None, "the test").unwrap();
+    let start = controller.spec().initial_state.clone();
+    let step = controller.step(&start, Follow::Config, None).unwrap();
+    assert_eq!(step.status, SqpStatus::Converged);
+    let cost = step.cost.expect("a config with a cost");
+    assert!((cost + 0.555_098_879_559_826_6).abs() < 1e-8, "{cost}");
+}

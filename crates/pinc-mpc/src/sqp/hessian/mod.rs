@@ -35,7 +35,7 @@ pub(super) struct HessianChoice {
     least: [f64; WINDOW],
     /// From which program on it is judged.
     judged_from: usize,
-    has_changed: bool,
+    has_been_slow: bool,
 }
 
 impl HessianChoice {
@@ -56,7 +56,7 @@ impl HessianChoice {
             current,
             least: [f64::INFINITY; WINDOW],
             judged_from: PATIENCE,
-            has_changed: false,
+            has_been_slow: false,
         }
     }
 
@@ -64,9 +64,9 @@ impl HessianChoice {
         self.current
     }
 
-    /// Whether a Hessian has been slow.
-    pub(super) fn has_changed(&self) -> bool {
-        self.has_changed
+    /// Whether a Hessian has been slow, other than Gauss-Newton without an alternative.
+    pub(super) fn has_been_slow(&self) -> bool {
+        self.has_been_slow
     }
 
     /// Takes note of the residual after so many programs; whether the next one has another Hessian.
@@ -93,10 +93,11 @@ impl HessianChoice {
 
     /// Takes the other Hessian, if there is one.
     fn change(&mut self, programs: usize) -> bool {
-        if self.only.is_some() {
+        if let Some(only) = self.only {
+            self.has_been_slow |= only == Hessian::Exact;
             return false;
         }
-        (self.judged_from, self.has_changed) = (programs + PATIENCE, true);
+        (self.judged_from, self.has_been_slow) = (programs + PATIENCE, true);
         self.current = match self.current {
             Hessian::GaussNewton => Hessian::Exact,
             Hessian::Exact => Hessian::GaussNewton,
