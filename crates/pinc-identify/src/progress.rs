@@ -54,3 +54,44 @@ impl Progress {
         self.best.take().filter(|(best, _)| *best < cost).map(|(_, point)| point)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn point(at: f64) -> impl FnOnce() -> Point {
+        move || (vec![at], Vec::new())
+    }
+
+    /// A rise is allowed below the highest of the last five costs, and the best point is kept.
+    #[test]
+    fn costs_may_rise_for_a_while() {
+        let mut progress = Progress::default();
+        for cost in [9.0, 5.0, 4.0, 3.0] {
+            assert!(!progress.allows(8.9));
+            assert!(progress.step(cost, point(cost)));
+        }
+        assert!(progress.step(2.0, point(2.0)));
+        assert!(progress.allows(8.9) && !progress.allows(9.0));
+        assert!(progress.step(2.5, point(2.5)));
+        assert!(progress.allows(4.9) && !progress.allows(5.0), "the first has been forgotten");
+        assert_eq!(progress.better(2.5), Some((vec![2.0], Vec::new())));
+        assert_eq!(progress.better(2.5), None);
+    }
+
+    /// Thirty steps that lower the cost by less than a millionth together are the last, however
+    /// many of them lower it.
+    #[test]
+    fn steps_that_gain_nothing_end() {
+        let mut progress = Progress::default();
+        let mut cost = 1.0;
+        assert!(progress.step(cost, point(cost)));
+        for _ in 1..IDLE {
+            cost -= 1e-8;
+            assert!(progress.step(cost, point(cost)));
+        }
+        assert!(!progress.step(cost - 1e-8, point(cost)));
+        assert!(progress.step(0.9, point(0.9)), "a gain begins anew");
+        assert_eq!(progress.idle, 0);
+    }
+}
