@@ -11,7 +11,8 @@ The rules of this script:
 2. The hybrids are hybrid.toml and hybrid-drag.toml, with measurement_sd = s and weight_sd = 1: the inputs and outputs of the
    net have the size of 1, and what the physics leave counts as noise. Both are in the table; the one
    with the lower training cost is marked as chosen.
-3. Of all starts the one with the lowest cost is taken. The seed of the result is 1.
+3. Each fit has 32 starts; the config's and the best eight are finished, and the one with the lowest
+   cost is taken. The seed of the result is 1.
 4. The initial state of the test part is fitted to its first 5 rows, which do not count.
 
 They were not fixed before the test part was seen. The structures were found with prototypes that
@@ -21,7 +22,7 @@ of ten fits was 3.095 for hybrid.toml, with a test RMSE of 0.185, and 3.087 for 
 0.208. Penalties of a tenth to a third of s gave 0.17 to 0.45. So the test errors are optimistic.
 
 The physical model is fitted once more from each of `--seeds` other seeds, with the config's start at
-a random point within the bounds, and cascaded-tanks.csv says how many end within 1 % of the best cost.
+a random point within the bounds; it is printed how many end within 1 % of the best cost.
 """
 
 import argparse

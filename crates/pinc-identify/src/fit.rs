@@ -2,6 +2,7 @@
 
 use crate::linear::Linear;
 use crate::problem::Problem;
+use crate::progress::{GAIN, Progress};
 use crate::shooting::{Block, Shooting};
 use crate::trajectory::{Evaluation, Trajectory};
 use std::fmt;
@@ -56,6 +57,7 @@ pub(crate) struct Fit<'a> {
     penalty: f64,
     /// The cost at the start.
     first: f64,
+    progress: Progress,
     /// What the priors add to the cost at the present point.
     prior_cost: f64,
     /// Where a step might lead.
@@ -90,6 +92,7 @@ impl<'a> Fit<'a> {
             block: Block::new(with.dims),
             status: FitStatus::IterationLimit,
             ended: false,
+            progress: Progress::default(),
             iterations: 0,
             damping: 1e-3,
             penalty: 0.0,
@@ -117,9 +120,20 @@ impl<'a> Fit<'a> {
         self.linear.take(problem, &self.p, &mut self.recordings)
     }
 
-    /// Iterates to the end.
+    /// Iterates to the end, and linearizes there for the intervals.
     pub(crate) fn run(&mut self, problem: &Problem, with: &mut Evaluation<'_>) {
         self.run_until(ITERATIONS, problem, with);
+        if let Some((p, nodes)) = self.progress.better(self.cost()) {
+            self.p = p;
+            self.prior_cost = problem.prior_cost(&self.p);
+            for (of, nodes) in self.recordings.iter_mut().zip(nodes) {
+                of.nodes.x = nodes;
+                of.simulate(problem, &self.p, with);
+            }
+        }
+        if self.status != FitStatus::NotFinite && !self.linearize(problem, with) {
+            self.status = FitStatus::NotFinite;
+        }
     }
 
     /// Iterates to the end, or until `iterations` have been done in all; [`Fit::run`] goes on from
@@ -142,15 +156,12 @@ impl<'a> Fit<'a> {
             let exact = self.cost() <= 1e-28 * self.first && self.gaps() <= CLOSED;
             if let Some(status) = exact.then_some(FitStatus::Converged).or(stepped) {
                 (self.status, self.ended) = (status, true);
-                // For the intervals: the linearization at the end.
-                if !self.linearize(problem, with) {
-                    self.status = FitStatus::NotFinite;
-                }
             }
         }
     }
 
-    /// Tries steps until one makes the cost smaller. Gives how the fit ended, if it did.
+    /// Tries steps until one makes the cost smaller, for the last steps as a whole. Gives how the
+    /// fit ended, if it did.
     fn descend(&mut self, problem: &Problem, with: &mut Evaluation<'_>) -> Option<FitStatus> {
         let (cost, gaps) = (self.cost(), self.gaps());
         let mut factor = 4.0;
@@ -183,7 +194,13 @@ impl<'a> Fit<'a> {
                     } else if gain < 0.25 || alpha < 0.2 {
                         self.damping = (self.damping * 2.0).min(DAMPING.1);
                     }
-                    return None;
+                    return self.taken(problem, cost);
+                }
+                let nearby = new_gaps <= CLOSED && self.progress.allows(new_cost);
+                if closed && nearby && expected > GAIN * cost {
+                    self.take_trial();
+                    self.damping = (self.damping * 2.0).min(DAMPING.1);
+                    return self.taken(problem, cost);
                 }
                 alpha *= 0.4;
             }
@@ -193,9 +210,19 @@ impl<'a> Fit<'a> {
             self.damping *= factor;
             factor *= 2.0;
             if self.damping > DAMPING.1 {
-                return Some(self.at_the_end_of_damping(problem, cost));
+                return Some(self.where_steps_fail(problem, cost));
             }
         }
+    }
+
+    /// Notes a step from `cost`. Gives how the fit ended, if steps gain nothing any more.
+    fn taken(&mut self, problem: &Problem, cost: f64) -> Option<FitStatus> {
+        if self.gaps() > CLOSED {
+            return None;
+        }
+        let nodes = || self.recordings.iter().map(|of| of.nodes.x.clone()).collect();
+        let on = self.progress.step(self.cost(), || (self.p.clone(), nodes()));
+        (!on).then(|| self.where_steps_fail(problem, cost))
     }
 
     /// Takes the last step, if it does not raise the cost.
@@ -206,10 +233,10 @@ impl<'a> Fit<'a> {
         }
     }
 
-    /// Whether it is a minimum after all, where no damped step helped.
-    fn at_the_end_of_damping(&mut self, problem: &Problem, cost: f64) -> FitStatus {
+    /// Whether it is a minimum after all, where no step helped.
+    fn where_steps_fail(&mut self, problem: &Problem, cost: f64) -> FitStatus {
         self.linear.solve(problem, &self.p, &self.recordings, 1e-10);
-        let minimum = cost - self.linear.step.cost <= 1e-6 * cost && self.gaps() <= 1e-6;
+        let minimum = cost - self.linear.step.cost <= GAIN * cost && self.gaps() <= 1e-6;
         if minimum { FitStatus::Converged } else { FitStatus::Stalled }
     }
 

@@ -25,6 +25,7 @@ mod linear;
 mod method;
 mod points;
 mod problem;
+mod progress;
 mod result;
 mod shooting;
 mod starts;
