@@ -11,12 +11,11 @@ the environments, models/ the equations in PINC's form.
    in turn. The reward is PC-Gym's. The oracle's policy is the controller that `oracle.setup_mpc` makes,
    on the environment's states: its own rollout simulates for itself, and its score counts states one
    step later than the policies' scores do. That score is in the table as well.
-3. The oracle minimizes the summed squared error at the steps ahead, and nothing else. PINC has the same
-   horizon, the same weights, and R: moving an input over its whole range costs a millionth of an
-   error as large as the observation's range, because a QP needs a cost of all inputs. RK4 takes the
-   fewest substeps of 1, 2 and 4 that keep the error of a step along the loop within a ten-thousandth
-   of that range (4 on biofilm_reactor, where it is a hundredth). Both know the set point of the step
-   before, which is what the observation has.
+3. Both minimize the summed squared error at the steps ahead, and nothing else, over the same horizon with
+   the same weights: moves of inputs cost nothing. RK4 takes the fewest substeps of 1, 2 and 4 that keep
+   the error of a step along the loop within a ten-thousandth of the observation's range (4 on
+   biofilm_reactor, where it is a hundredth). Both know the set point of the step before, which is what
+   the observation has.
 4. A violation is a step that the environment reports as one, or an action outside of its bounds by a
    ten-thousandth of its range. The environment counts a state on its bound as outside: PINC's bounds of
    states lie inside by a ten-thousandth of the observation's range. A time is the median over the
@@ -136,7 +135,7 @@ class Ours(Spaces):
             "initial_state": [float(setting["x0"][place]) for place in self.order],
             "controlled": [self.plant.states[names.index(state)] for state in setting["set_points"]],
             "q": list(setting["scale"].values()),
-            "r": [1e-6 / (above - below) ** 2 for below, above in zip(low, high)],
+            "r": [0.0 for _ in low],
             "n2": setting["horizon"],
             "nu": setting["horizon"],
             "input_low": low,
