@@ -45,6 +45,11 @@ impl PlantSpec {
         self.equations().map_or_else(BTreeMap::new, |equations| equations.parameters().clone())
     }
 
+    /// The names of these parameters.
+    pub(crate) fn parameter_names(&self) -> Vec<String> {
+        self.parameters().into_keys().collect()
+    }
+
     /// The plant in which the parameters `varying`, in this order, are the p of f(x, u, p);
     /// without any the same as [`PlantSpec::dyn_plant`].
     ///
