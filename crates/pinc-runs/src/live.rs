@@ -304,7 +304,7 @@ impl LiveController {
     ///
     /// [`RunError::Usage`] if an argument is of a wrong length, a reference is not finite, or
     /// `u_applied` is not finite or beyond the input's bounds: nothing has happened then.
-    /// [`RunError::OutsideDomain`] if the step takes a net out of its domain and
+    /// [`RunError::Failed`] if the step takes a net out of its domain and
     /// the config refuses that.
     pub fn step(
         &mut self,

@@ -100,10 +100,7 @@ pub(crate) fn attempt(
     let settings =
         SearchSettings { tolerance: Some(tolerance.to_vec()), ..SearchSettings::default() };
     let found = Search::new(&error, &domain, settings, threads);
-    let mut search = found.map_err(|error| RunError::NotProven {
-        name: experiment.name.clone(),
-        reason: error.to_string(),
-    })?;
+    let mut search = found.map_err(|error| not_proven(experiment, &error.to_string()))?;
     let is_near = |bracket: &Bracket| {
         let mut pairs = bracket.found.iter().zip(tolerance);
         pairs.any(|(found, most)| found.error > MARGIN * most)
@@ -231,6 +228,11 @@ pub(crate) fn check_ahead(
         return Err(refused(experiment, "it needs training.proven_tolerance"));
     }
     limits(experiment, given).map(|_| ())
+}
+
+/// The error that a net is not proven to be within `training.proven_tolerance`.
+pub(crate) fn not_proven(experiment: &Experiment, reason: &str) -> RunError {
+    RunError::Failed(format!("{}: training.proven_tolerance: {reason}", experiment.name))
 }
 
 /// The error of a step of `net`, by state in its unit, that `net_error = "proven"` takes from its
