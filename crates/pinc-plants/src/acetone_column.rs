@@ -89,6 +89,7 @@ impl<K: Scalar> AcetoneColumn<K> {
 
 impl Plant for AcetoneColumn {
     const LONG: bool = true;
+    const COLUMNS: Option<usize> = Some(2 * STAGES + 2);
 
     fn states(&self) -> &[Variable] {
         const {

@@ -75,6 +75,7 @@ impl<K: Scalar> AcetoneStill<K> {
 
 impl Plant for AcetoneStill {
     const LONG: bool = true;
+    const COLUMNS: Option<usize> = Some(4);
 
     fn states(&self) -> &[Variable] {
         const { &[Variable::new("xa", ""), Variable::new("xm", "")] }

@@ -86,6 +86,8 @@ impl<K: Scalar> FourTanks<K> {
 }
 
 impl Plant for FourTanks {
+    const COLUMNS: Option<usize> = Some(6);
+
     fn states(&self) -> &[Variable] {
         const {
             &[

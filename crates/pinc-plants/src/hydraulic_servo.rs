@@ -127,6 +127,8 @@ impl<K: Scalar> HydraulicServo<K> {
 }
 
 impl Plant for HydraulicServo {
+    const COLUMNS: Option<usize> = Some(5);
+
     fn states(&self) -> &[Variable] {
         const {
             &[

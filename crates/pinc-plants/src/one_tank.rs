@@ -42,6 +42,8 @@ impl<K: Scalar> OneTank<K> {
 }
 
 impl Plant for OneTank {
+    const COLUMNS: Option<usize> = Some(2);
+
     fn states(&self) -> &[Variable] {
         const { &[Variable::new("h", "cm")] }
     }

@@ -122,6 +122,7 @@ impl<K: Scalar> SingleTrackCar<K> {
 
 impl Plant for SingleTrackCar {
     const LONG: bool = true;
+    const COLUMNS: Option<usize> = Some(6);
 
     fn states(&self) -> &[Variable] {
         const {

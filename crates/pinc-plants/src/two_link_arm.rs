@@ -70,6 +70,7 @@ impl<K: Scalar> TwoLinkArm<K> {
 
 impl Plant for TwoLinkArm {
     const LONG: bool = true;
+    const COLUMNS: Option<usize> = Some(6);
 
     fn states(&self) -> &[Variable] {
         const {

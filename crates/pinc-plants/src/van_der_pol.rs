@@ -40,6 +40,8 @@ impl<K: Scalar> VanDerPol<K> {
 }
 
 impl Plant for VanDerPol {
+    const COLUMNS: Option<usize> = Some(3);
+
     fn states(&self) -> &[Variable] {
         const { &[Variable::new("x1", ""), Variable::new("x2", "")] }
     }
