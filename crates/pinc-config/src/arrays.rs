@@ -13,6 +13,7 @@ use crate::layers;
 use crate::plant::PlantSpec;
 use crate::plants::Plants;
 use crate::problem::Problem;
+use crate::registry::names;
 use crate::validate;
 use pinc_expr::Equations;
 use pinc_ode::Variable;
@@ -134,9 +135,6 @@ fn named(table: &mut Table, plants: &Plants) -> Checked<Option<Named>> {
         serde_path_to_error::deserialize(alone).map_err(|error| explain(&error))?;
     let Some(mut plant) = read.remove("plant") else { return Ok(None) };
     plant.bind(plants);
-    let names = |variables: &[Variable]| -> Vec<String> {
-        variables.iter().map(|variable| variable.name.to_string()).collect()
-    };
     if let PlantSpec::Expression(equations) = plant {
         let variables =
             equations.variables().map_err(|error| validate::expression_finding("plant", error))?;
