@@ -1,10 +1,10 @@
 //! Training until the error of a step is proven, and the certificate of it in the model file.
 
 use crate::RunError;
-use crate::certify::{ends, hash, variables};
+use crate::certify::{ends, variables};
 use crate::progress::{Stage, Verbosity};
 use pinc_check::step_error;
-use pinc_config::{Experiment, NetErrorSpec};
+use pinc_config::{Experiment, NetErrorSpec, sha256};
 use pinc_net::{PincNet, Points};
 use pinc_record::ByName;
 use pinc_verify::{Bracket, Search, SearchSettings, StepError, StepModel};
@@ -69,7 +69,7 @@ fn net_error(
 pub(crate) fn equation(experiment: &Experiment, net: &PincNet) -> Option<String> {
     let varying: Vec<&str> = net.parameter_names().collect();
     let listing = experiment.plant.equations()?.listing(&varying).ok()?;
-    Some(hash(format!("{listing:?}").as_bytes()))
+    Some(sha256(format!("{listing:?}")))
 }
 
 /// A tolerance per state of the net; infinite for states that are not named.
@@ -165,7 +165,7 @@ pub(crate) fn worst_points(
 fn hash_of(net: &PincNet) -> String {
     let mut bare = net.clone();
     bare.certificate = None;
-    hash(&bare.to_bytes())
+    sha256(bare.to_bytes())
 }
 
 /// `net` with a certificate.
