@@ -1,6 +1,7 @@
 //! Several points at once, element by element.
 
 use crate::Scalar;
+use crate::scalar::without_derivatives;
 use std::ops::{Add, Div, Mul, Neg, Sub};
 
 /// `L` numbers that go through an equation together.
@@ -67,58 +68,30 @@ impl<const L: usize> Neg for Lanes<L> {
 
 /// The functions of a [`Scalar`] with a `map`: the functions of numbers, lane by lane.
 macro_rules! functions_by_lane {
-    () => {
-        #[inline(always)]
-        fn exp(self) -> Self {
-            self.map(f64::exp)
-        }
-        #[inline(always)]
-        fn ln(self) -> Self {
-            self.map(f64::ln)
-        }
-        #[inline(always)]
-        fn sin(self) -> Self {
-            self.map(f64::sin)
-        }
-        #[inline(always)]
-        fn cos(self) -> Self {
-            self.map(f64::cos)
-        }
-        #[inline(always)]
-        fn tan(self) -> Self {
-            self.map(f64::tan)
-        }
-        #[inline(always)]
-        fn atan(self) -> Self {
-            self.map(f64::atan)
-        }
+    ($($method:ident)+) => {
+        $(
+            #[inline(always)]
+            fn $method(self) -> Self {
+                self.map(f64::$method)
+            }
+        )+
         #[inline(always)]
         fn powf(self, p: f64) -> Self {
             self.map(|a| a.powf(p))
         }
-        #[inline(always)]
-        fn tanh(self) -> Self {
-            self.map(f64::tanh)
-        }
+    };
+    () => {
+        functions_by_lane!(exp ln sin cos tan atan tanh);
     };
 }
 #[cfg(target_arch = "x86_64")]
 pub(crate) use functions_by_lane;
 
 impl<const L: usize> Scalar for Lanes<L> {
-    type Plain = Self;
-    const ORDER: usize = 0;
+    without_derivatives!();
     #[inline(always)]
     fn all_nonpositive(self) -> bool {
         self.0.iter().all(|lane| *lane <= 0.0)
-    }
-    #[inline(always)]
-    fn plain(self) -> Self {
-        self
-    }
-    #[inline(always)]
-    fn constants(self, value: Self) -> Self {
-        value
     }
     #[inline(always)]
     fn constant(self, value: f64) -> Self {

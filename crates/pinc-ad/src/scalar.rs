@@ -191,60 +191,46 @@ pub trait Scalar:
     }
 }
 
+/// What a number without derivatives says of them.
+macro_rules! without_derivatives {
+    () => {
+        type Plain = Self;
+        const ORDER: usize = 0;
+        #[inline(always)]
+        fn plain(self) -> Self {
+            self
+        }
+        #[inline(always)]
+        fn constants(self, value: Self) -> Self {
+            value
+        }
+    };
+}
+pub(crate) use without_derivatives;
+
+macro_rules! functions {
+    ($($method:ident)*) => {$(
+        #[inline(always)]
+        fn $method(self) -> Self {
+            f64::$method(self)
+        }
+    )*};
+}
+
 impl Scalar for f64 {
-    type Plain = Self;
-    const ORDER: usize = 0;
+    without_derivatives!();
     #[inline(always)]
     fn all_nonpositive(self) -> bool {
         self <= 0.0
     }
     #[inline(always)]
-    fn plain(self) -> Self {
-        self
-    }
-    #[inline(always)]
-    fn constants(self, value: Self) -> Self {
-        value
-    }
-    #[inline(always)]
     fn constant(self, value: f64) -> Self {
         value
     }
-    #[inline(always)]
-    fn sqrt(self) -> Self {
-        f64::sqrt(self)
-    }
-    #[inline(always)]
-    fn exp(self) -> Self {
-        f64::exp(self)
-    }
-    #[inline(always)]
-    fn ln(self) -> Self {
-        f64::ln(self)
-    }
-    #[inline(always)]
-    fn sin(self) -> Self {
-        f64::sin(self)
-    }
-    #[inline(always)]
-    fn cos(self) -> Self {
-        f64::cos(self)
-    }
-    #[inline(always)]
-    fn tan(self) -> Self {
-        f64::tan(self)
-    }
-    #[inline(always)]
-    fn atan(self) -> Self {
-        f64::atan(self)
-    }
+    functions!(sqrt exp ln sin cos tan atan tanh);
     #[inline(always)]
     fn powf(self, p: f64) -> Self {
         f64::powf(self, p)
-    }
-    #[inline(always)]
-    fn tanh(self) -> Self {
-        f64::tanh(self)
     }
     #[inline(always)]
     fn where_nonpositive(self, yes: Self, no: Self) -> Self {

@@ -24,96 +24,93 @@ pub(crate) fn examine(subject: &Subject<'_>) -> Vec<Finding> {
         let root = equations.solve(&point.joined()).ok()?;
         Some((point, root))
     });
-    let solved: Vec<(OperatingPoint, AlgebraicRoot)> = solved.collect();
-    let mut findings = vec![ranges(subject, &equations, &solved)];
-    findings.extend(singular(subject, &equations, &solved));
-    findings.extend(several(subject, &equations, &solved));
-    findings.retain(|finding| !finding.what.is_empty());
-    findings
+    let solved = solved.collect();
+    let roots = Roots { subject, equations, solved };
+    [roots.ranges(), roots.singular(), roots.several()].into_iter().flatten().collect()
 }
 
-/// What the unknowns are in the region.
-fn ranges(
-    subject: &Subject<'_>,
-    equations: &AlgebraicEquations,
-    solved: &[(OperatingPoint, AlgebraicRoot)],
-) -> Finding {
-    let range = |(i, name): (usize, &String)| {
-        let values = solved.iter().map(|(_, root)| root.values[i]);
-        let (low, high) = values.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), value| {
-            (low.min(value), high.max(value))
-        });
-        format!("{name} from {} to {}", short(low), short(high))
-    };
-    let ranges: Vec<_> = equations.names().iter().enumerate().map(range).collect();
-    let text = match solved.len() {
-        0 => String::new(),
-        _ => format!("algebraic variables in {}: {}", subject.region_name, ranges.join(", ")),
-    };
-    Finding::fact("", text)
+/// The equations with their roots at points of the region.
+struct Roots<'a> {
+    subject: &'a Subject<'a>,
+    equations: AlgebraicEquations,
+    solved: Vec<(OperatingPoint, AlgebraicRoot)>,
 }
 
-/// Two points between which dg/dz is singular or the root jumps: its determinant has two signs.
-fn singular(
-    subject: &Subject<'_>,
-    equations: &AlgebraicEquations,
-    solved: &[(OperatingPoint, AlgebraicRoot)],
-) -> Option<Finding> {
-    let (first, root) = solved.first()?;
-    let differs = |(_, other): &&(OperatingPoint, AlgebraicRoot)| other.signs != root.signs;
-    let (second, other) = solved.iter().find(differs)?;
-    let mut pairs = root.signs.iter().zip(&other.signs).zip(equations.systems());
-    let (_, system) = pairs.find(|((a, b), _)| a.total_cmp(b).is_ne())?;
-    let [one, other] = [first, second].map(|point| place(subject, point));
-    let what = format!(
-        "the derivative of {system} by its unknowns is singular somewhere between {one} and \
-         {other}: its determinant changes sign"
-    );
-    let finding = Finding::error(format!("plant.expression.{system}"), what).because(
-        "there the equations do not determine the algebraic variables (the index is not 1): the \
-         root ends or jumps to another, and no model is accurate beside it",
-    );
-    Some(finding.change(
-        "choose box and start of the unknowns so that one root is followed all over [domain], or \
-         keep [domain] away from where it ends",
-    ))
-}
-
-/// A point with two roots in the box.
-fn several(
-    subject: &Subject<'_>,
-    equations: &AlgebraicEquations,
-    solved: &[(OperatingPoint, AlgebraicRoot)],
-) -> Option<Finding> {
-    let count = equations.names().len();
-    let starts: Vec<Vec<f64>> = (1..=STARTS).map(|k| place_in_box(k, count)).collect();
-    for (point, root) in solved.iter().take(WITH_SEARCH) {
-        let Some(other) = equations.another_root(&point.joined(), &starts) else { continue };
-        let names = other.iter().map(|(name, _)| name.as_str());
-        let other_values: Vec<f64> = other.iter().map(|(_, value)| *value).collect();
-        let taken: Vec<f64> = other
-            .iter()
-            .filter_map(|(name, _)| equations.names().iter().position(|known| known == name))
-            .map(|i| root.values[i])
-            .collect();
-        let what = format!(
-            "several roots at {}: {}, which the plant takes, and {}",
-            place(subject, point),
-            named(names.clone(), &taken),
-            named(names.clone(), &other_values),
-        );
-        let keys: Vec<_> = names.map(|name| format!("algebraic.{name}")).collect();
-        let finding = Finding::warning(format!("plant.expression.{}", keys.join(", ")), what);
-        return Some(
-            finding
-                .because(
-                    "which root the search finds depends on where it starts; at another point it \
-                     may be another one, and the plant jumps",
-                )
-                .change("narrow the box (low, high) so that it has the physical root alone"),
-        );
+impl Roots<'_> {
+    /// What the unknowns are in the region.
+    fn ranges(&self) -> Option<Finding> {
+        self.solved.first()?;
+        let range = |(i, name): (usize, &String)| {
+            let values = self.solved.iter().map(|(_, root)| root.values[i]);
+            let (low, high) = values
+                .fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), value| {
+                    (low.min(value), high.max(value))
+                });
+            format!("{name} from {} to {}", short(low), short(high))
+        };
+        let ranges: Vec<_> = self.equations.names().iter().enumerate().map(range).collect();
+        let (name, ranges) = (self.subject.region_name, ranges.join(", "));
+        Some(Finding::fact("", format!("algebraic variables in {name}: {ranges}")))
     }
-    None
+
+    /// Two points between which dg/dz is singular or the root jumps: its determinant has two signs.
+    fn singular(&self) -> Option<Finding> {
+        let (first, root) = self.solved.first()?;
+        let differs = |(_, other): &&(OperatingPoint, AlgebraicRoot)| other.signs != root.signs;
+        let (second, other) = self.solved.iter().find(differs)?;
+        let mut pairs = root.signs.iter().zip(&other.signs).zip(self.equations.systems());
+        let (_, system) = pairs.find(|((a, b), _)| a.total_cmp(b).is_ne())?;
+        let [one, other] = [first, second].map(|point| self.subject.at(point));
+        let what = format!(
+            "the derivative of {system} by its unknowns is singular somewhere between {one} and \
+             {other}: its determinant changes sign"
+        );
+        let finding = Finding::error(format!("plant.expression.{system}"), what).because(
+            "there the equations do not determine the algebraic variables (the index is not 1): the \
+             root ends or jumps to another, and no model is accurate beside it",
+        );
+        Some(finding.change(
+            "choose box and start of the unknowns so that one root is followed all over [domain], or \
+             keep [domain] away from where it ends",
+        ))
+    }
+
+    /// A point with two roots in the box.
+    fn several(&self) -> Option<Finding> {
+        let count = self.equations.names().len();
+        let starts: Vec<Vec<f64>> = (1..=STARTS).map(|k| place_in_box(k, count)).collect();
+        for (point, root) in self.solved.iter().take(WITH_SEARCH) {
+            let Some(other) = self.equations.another_root(&point.joined(), &starts) else {
+                continue;
+            };
+            let names = other.iter().map(|(name, _)| name.as_str());
+            let other_values: Vec<f64> = other.iter().map(|(_, value)| *value).collect();
+            let taken: Vec<f64> = other
+                .iter()
+                .filter_map(|(name, _)| {
+                    self.equations.names().iter().position(|known| known == name)
+                })
+                .map(|i| root.values[i])
+                .collect();
+            let what = format!(
+                "several roots at {}: {}, which the plant takes, and {}",
+                self.subject.at(point),
+                named(names.clone(), &taken),
+                named(names.clone(), &other_values),
+            );
+            let keys: Vec<_> = names.map(|name| format!("algebraic.{name}")).collect();
+            let finding = Finding::warning(format!("plant.expression.{}", keys.join(", ")), what);
+            return Some(
+                finding
+                    .because(
+                        "which root the search finds depends on where it starts; at another point it \
+                         may be another one, and the plant jumps",
+                    )
+                    .change("narrow the box (low, high) so that it has the physical root alone"),
+            );
+        }
+        None
+    }
 }
 
 /// The k-th of some points that fill the boxes evenly (Kronecker's sequence with the roots of
@@ -121,8 +118,4 @@ fn several(
 fn place_in_box(k: u32, count: usize) -> Vec<f64> {
     let primes = [2.0_f64, 3.0, 5.0, 7.0, 11.0, 13.0, 17.0, 19.0].into_iter().cycle();
     primes.take(count).map(|prime| (f64::from(k) * prime.sqrt()).fract()).collect()
-}
-
-fn place(subject: &Subject<'_>, point: &OperatingPoint) -> String {
-    format!("{}; {}", subject.state(&point.x), subject.input(&point.u))
 }

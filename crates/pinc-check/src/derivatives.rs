@@ -66,7 +66,7 @@ fn fault(subject: &Subject<'_>, point: &OperatingPoint) -> Option<String> {
 
 fn broken(subject: &Subject<'_>, bad: &OperatingPoint, share: &str) -> Finding {
     let what = fault(subject, bad).unwrap_or_default();
-    let place = format!("{}; {}", subject.state(&bad.x), subject.input(&bad.u));
+    let place = subject.at(bad);
     let edge = match edge(subject, bad) {
         Some(edge) => format!(
             "; from the middle of {} on the way there it is finite up to {edge}",
@@ -89,7 +89,7 @@ fn broken(subject: &Subject<'_>, bad: &OperatingPoint, share: &str) -> Finding {
 
 fn on_the_edge(subject: &Subject<'_>, bad: &OperatingPoint) -> Finding {
     let what = fault(subject, bad).unwrap_or_default();
-    let place = format!("{}; {}", subject.state(&bad.x), subject.input(&bad.u));
+    let place = subject.at(bad);
     Finding::warning("plant", format!("{what} at {place}, an edge of {} or 0", subject.region_name))
         .because(
             "random points do not meet it, but a measured state or a steady state can lie \
@@ -118,5 +118,5 @@ fn edge(subject: &Subject<'_>, bad: &OperatingPoint) -> Option<String> {
         }
     }
     let good = region.split(good);
-    Some(format!("{}; {}", subject.state(&good.x), subject.input(&good.u)))
+    Some(subject.at(&good))
 }

@@ -125,7 +125,7 @@ fn simulate(subject: &Subject<'_>, runs: &[Scenario], findings: &mut Vec<Finding
         }
     }
     if let Some((point, error)) = first {
-        let place = format!("{}; {}", subject.state(&point.x), subject.input(&point.u));
+        let place = subject.at(&point);
         let what = format!(
             "the plant breaks off in {broken} of {} free runs, the first at {place}: {error}",
             runs.len()

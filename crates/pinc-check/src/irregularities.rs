@@ -2,9 +2,7 @@
 //! instead.
 
 use crate::{Finding, Subject, short};
-use pinc_analysis::{
-    Crossing, Irregularity, IrregularityKind, OperatingPoint, Survey, Term, Terms, crossings,
-};
+use pinc_analysis::{Crossing, Irregularity, IrregularityKind, Survey, Term, Terms, crossings};
 use pinc_config::PlantSpec;
 use pinc_expr::{CriticalTerm, CriticalTerms, LoneTerm, TermRole};
 use std::collections::BTreeSet;
@@ -58,10 +56,6 @@ fn whereabouts(subject: &Subject<'_>, is_inside: bool) -> String {
     }
 }
 
-fn at(subject: &Subject<'_>, point: &OperatingPoint) -> String {
-    format!("{}; {}", subject.state(&point.x), subject.input(&point.u))
-}
-
 /// The key of the equation in which a term stands, as far as the config has it.
 fn place(subject: &Subject<'_>, term: &CriticalTerm) -> String {
     match &subject.experiment.plant {
@@ -98,7 +92,7 @@ fn of_terms(subject: &Subject<'_>, survey: &Survey, terms: &CriticalTerms) -> Ve
         };
         let place = place(subject, term);
         let where_it_is = whereabouts(subject, crossing.is_inside);
-        let what = format!("{problem} {}, {where_it_is}", at(subject, &crossing.before));
+        let what = format!("{problem} {}, {where_it_is}", subject.at(&crossing.before));
         let finding = if crossing.is_inside {
             Finding::error(place, what)
         } else {
@@ -223,7 +217,7 @@ fn of_survey(
     found: &Irregularity,
 ) -> Finding {
     let rate = format!("{}'", subject.plant.states()[found.state].name);
-    let place = at(subject, &found.sides[0]);
+    let place = subject.at(&found.sides[0]);
     let where_it_is = whereabouts(subject, found.is_inside);
     let guard = "guard the division or the function by max or min, or keep [domain] and the \
      bounds away from it";

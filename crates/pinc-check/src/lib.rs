@@ -419,6 +419,11 @@ impl<'a> Subject<'a> {
         places.unwrap_or_default()
     }
 
+    /// A point in words.
+    fn at(&self, point: &OperatingPoint) -> String {
+        format!("{}; {}", self.state(&point.x), self.input(&point.u))
+    }
+
     /// Names with values, as a reader needs them; of many states those that are controlled, the
     /// first and the last.
     fn state(&self, x: &[f64]) -> String {

@@ -12,7 +12,8 @@ use crate::explain::explain;
 use crate::layers;
 use crate::plant::PlantSpec;
 use crate::plants::Plants;
-use crate::problem::{Problem, nearest};
+use crate::problem::Problem;
+use crate::registry::names;
 use crate::validate;
 use pinc_expr::Equations;
 use pinc_ode::Variable;
@@ -134,9 +135,6 @@ fn named(table: &mut Table, plants: &Plants) -> Checked<Option<Named>> {
         serde_path_to_error::deserialize(alone).map_err(|error| explain(&error))?;
     let Some(mut plant) = read.remove("plant") else { return Ok(None) };
     plant.bind(plants);
-    let names = |variables: &[Variable]| -> Vec<String> {
-        variables.iter().map(|variable| variable.name.to_string()).collect()
-    };
     if let PlantSpec::Expression(equations) = plant {
         let variables =
             equations.variables().map_err(|error| validate::expression_finding("plant", error))?;
@@ -218,10 +216,8 @@ impl Lists<'_> {
             let start = all.len();
             match elements.is_empty() {
                 true if range.is_some() => {
-                    let (found, known) = (text.to_owned(), known.to_vec());
                     let key = in_errors(&format!("{key}.{}", groups.len()));
-                    let nearest = nearest(text, &known);
-                    return Err((key, Problem::Word { found, known, nearest }));
+                    return Err((key, Problem::word(text, known)));
                 }
                 true => all.push(entry.clone()),
                 false => all.extend(elements),
@@ -264,9 +260,7 @@ impl Lists<'_> {
             };
             let mut places = (0..names.len()).filter(|i| is_meant(&names[*i])).peekable();
             if places.peek().is_none() {
-                let (found, known) = (name.clone(), names.to_vec());
-                let nearest = nearest(name, &known);
-                return Err((in_errors(key), Problem::Word { found, known, nearest }));
+                return Err((in_errors(key), Problem::word(name, names)));
             }
             for place in places {
                 all[place] = Some(value.clone());

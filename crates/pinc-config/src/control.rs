@@ -54,7 +54,7 @@ pub struct ControlSpec {
     pub parameter_schedule: Vec<ParameterStep>,
     /// Whether the controller knows the parameters of later steps in advance: the values of
     /// `parameter_schedule`, or of `plant_schedule` if they are measured.
-    #[serde(default, skip_serializing_if = "is_false")]
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub parameter_preview: bool,
     /// Other values of the plant's parameters in parts of the run: what is true. Functions of t and
     /// columns of a file may take the place of the list.
@@ -101,7 +101,7 @@ pub struct ControlSpec {
     pub integer_programs: usize,
     /// Whether references are replaced in each step by the nearest steady state that the models can
     /// hold within the bounds, under the disturbances and parameters that the estimator finds.
-    #[serde(default, skip_serializing_if = "is_false")]
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub target: bool,
     /// Q, the weight of the controlled quantities' squared errors.
     #[serde(default, skip_serializing_if = "is_no_weight")]
@@ -177,7 +177,7 @@ pub struct ControlSpec {
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub error_tolerance: BTreeMap<String, f64>,
     /// What happens when that error is larger.
-    #[serde(default, skip_serializing_if = "is_default")]
+    #[serde(default, skip_serializing_if = "crate::uncertainty::is_default")]
     pub on_error: OnError,
     /// Share of control steps that may fail, from 0 to 1. A run with more failures has failed.
     #[serde(default = "max_failed_share")]
@@ -390,11 +390,6 @@ fn yes() -> bool {
     true
 }
 
-#[expect(clippy::trivially_copy_pass_by_ref, reason = "as serde calls it")]
-fn is_false(of: &bool) -> bool {
-    !of
-}
-
 fn integer_programs() -> usize {
     200
 }
@@ -480,10 +475,6 @@ pub struct FirstPlanSpec {
     /// `control.csv` of an earlier run. Its first row is the beginning of the plan.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub file: Option<PathBuf>,
-}
-
-fn is_default(of: &OnError) -> bool {
-    *of == OnError::default()
 }
 
 /// What to do when the estimated error of a net's step is larger than `error_tolerance`.

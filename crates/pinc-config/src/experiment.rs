@@ -25,7 +25,6 @@ use pinc_net::{Domain, NetConfig, ValidationConfig};
 use pinc_ode::Dims;
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
-use std::fmt::Write as _;
 use std::path::Path;
 use toml::{Table, Value};
 
@@ -333,7 +332,7 @@ impl Experiment {
     /// Like [`Experiment::to_toml`].
     #[must_use]
     pub fn fingerprint(&self) -> String {
-        hexadecimal(&Sha256::digest(self.to_toml()))
+        sha256(self.to_toml())
     }
 
     /// The experiment without settings that change no number: threads, the interval of checkpoints,
@@ -401,11 +400,8 @@ pub(crate) fn read(path: &Path) -> Result<String, ConfigError> {
         .map_err(|source| ConfigError::Unreadable { path: path.to_owned(), source })
 }
 
-/// Bytes as hexadecimal digits.
-fn hexadecimal(bytes: &[u8]) -> String {
-    bytes.iter().fold(String::new(), |mut text, byte| {
-        // Writing to a String does not fail.
-        let _ = write!(text, "{byte:02x}");
-        text
-    })
+/// SHA-256 in hexadecimal digits.
+#[must_use]
+pub fn sha256(bytes: impl AsRef<[u8]>) -> String {
+    Sha256::digest(bytes).iter().map(|byte| format!("{byte:02x}")).collect()
 }

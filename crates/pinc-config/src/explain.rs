@@ -23,8 +23,7 @@ pub(crate) fn explain(error: &Error) -> (String, Problem) {
     } else if let Some(rest) = message.strip_prefix("unknown variant ") {
         let mut known = quoted(rest);
         let found = take_first(&mut known);
-        let nearest = nearest(&found, &known);
-        Problem::Word { found, known, nearest }
+        Problem::word(&found, &known)
     } else {
         Problem::Type(in_plain_quoted(message))
     };

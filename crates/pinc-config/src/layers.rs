@@ -2,7 +2,7 @@
 //! which knows where it was written.
 
 use crate::presets::Preset;
-use crate::problem::{ConfigError, Origin, Problem, SetProblem, nearest};
+use crate::problem::{ConfigError, Origin, Problem, SetProblem};
 use std::collections::{BTreeSet, HashMap};
 use std::path::{Path, PathBuf};
 use toml::de::{DeTable, DeValue};
@@ -379,8 +379,7 @@ fn chosen_preset(
 
 fn unknown_preset(name: &str) -> Problem {
     let known: Vec<_> = Preset::ALL.iter().map(|p| p.name().to_owned()).collect();
-    let nearest = nearest(name, &known);
-    Problem::Word { found: name.to_owned(), known, nearest }
+    Problem::word(name, &known)
 }
 
 /// Takes `[presets]` out of the file and returns the tables of the chosen one.

@@ -56,7 +56,7 @@ pub use estimator::{
     DisturbanceSpec, EstimatorKind, EstimatorSpec, GateSpec, GateWord, MeasurementSpec,
     UnknownParameter,
 };
-pub use experiment::{Experiment, LoopParameters, steps};
+pub use experiment::{Experiment, LoopParameters, sha256, steps};
 pub use free_time::HorizonPlants;
 pub use identify::{IdentifiedNet, IdentifiedParameter, IdentifyCriterion, IdentifySpec};
 pub use list::{ListedRun, RunList};

@@ -64,6 +64,14 @@ pub enum Origin {
     Preset(&'static str),
 }
 
+impl Problem {
+    /// The problem of a word or name that is not among those known there.
+    pub(crate) fn word(found: &str, known: &[String]) -> Self {
+        let nearest = nearest(found, known);
+        Self::Word { found: found.to_owned(), known: known.to_vec(), nearest }
+    }
+}
+
 impl fmt::Display for Origin {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {

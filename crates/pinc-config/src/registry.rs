@@ -45,6 +45,11 @@ impl PlantSpec {
         self.equations().map_or_else(BTreeMap::new, |equations| equations.parameters().clone())
     }
 
+    /// The names of these parameters.
+    pub(crate) fn parameter_names(&self) -> Vec<String> {
+        self.parameters().into_keys().collect()
+    }
+
     /// The plant in which the parameters `varying`, in this order, are the p of f(x, u, p);
     /// without any the same as [`PlantSpec::dyn_plant`].
     ///
@@ -99,6 +104,11 @@ pub struct Variables {
     pub outputs: Vec<Variable>,
 }
 
+/// The names of variables.
+pub(crate) fn names(variables: &[Variable]) -> Vec<String> {
+    variables.iter().map(|variable| variable.name.to_string()).collect()
+}
+
 impl Variables {
     /// Returns the variables of a plant.
     #[must_use]
@@ -113,7 +123,7 @@ impl Variables {
     /// The names of the states.
     #[must_use]
     pub fn state_names(&self) -> Vec<String> {
-        self.states.iter().map(|v| v.name.to_string()).collect()
+        names(&self.states)
     }
 
     /// The outputs that are no states, by their names, each with its place among all outputs.
@@ -132,7 +142,7 @@ impl Variables {
     /// The names of all outputs.
     #[must_use]
     pub fn output_names(&self) -> Vec<String> {
-        self.outputs.iter().map(|v| v.name.to_string()).collect()
+        names(&self.outputs)
     }
 
     /// The numbers of states, inputs and outputs.
@@ -144,7 +154,7 @@ impl Variables {
     /// The names of the inputs.
     #[must_use]
     pub fn input_names(&self) -> Vec<String> {
-        self.inputs.iter().map(|v| v.name.to_string()).collect()
+        names(&self.inputs)
     }
 }
 

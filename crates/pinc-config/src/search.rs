@@ -1,6 +1,7 @@
 //! The table `[sweep.search]`: candidates drawn at random, and successive halving among them.
 
-use crate::Problem;
+use crate::validate::Checked;
+use crate::validate::values::{at_least_one, value};
 use rand::rngs::ChaCha8Rng;
 use rand::{RngExt, SeedableRng};
 use serde::{Deserialize, Serialize};
@@ -109,32 +110,25 @@ impl SearchSpec {
     }
 
     /// Checks what can be checked without looking at the trials.
-    pub(crate) fn validate(&self) -> Result<(), (String, Problem)> {
-        let wrong = |key: &str, found: String, expected: &str| {
-            let problem = Problem::Value { found, expected: expected.to_owned() };
-            Err((format!("sweep.search.{key}"), problem))
-        };
-        if self.candidates == 0 {
-            return wrong("candidates", "0".to_owned(), "1 or more");
-        }
+    pub(crate) fn validate(&self) -> Checked {
+        let key = |name: &str| format!("sweep.search.{name}");
+        at_least_one(&key("candidates"), self.candidates)?;
         if self.ranges.is_empty() {
-            return wrong("ranges", "[]".to_owned(), "one range or more");
+            return value(&key("ranges"), "[]", "one range or more");
         }
         for (i, range) in self.ranges.iter().enumerate() {
-            if let Err((found, expected)) = range.check() {
-                return wrong(&format!("ranges[{i}]"), found, expected);
-            }
+            range.check(&key(&format!("ranges[{i}]")))?;
         }
         let Some(halving) = &self.halving else { return Ok(()) };
         if halving.least < 1 {
-            return wrong("halving.least", halving.least.to_string(), "1 or more");
+            return value(&key("halving.least"), halving.least, "1 or more");
         }
         if halving.factor < 2 {
-            return wrong("halving.factor", halving.factor.to_string(), "2 or more");
+            return value(&key("halving.factor"), halving.factor, "2 or more");
         }
         match (2..=MOST_RUNGS).contains(&halving.rungs) {
             true => Ok(()),
-            false => wrong("halving.rungs", halving.rungs.to_string(), "from 2 to 20"),
+            false => value(&key("halving.rungs"), halving.rungs, "from 2 to 20"),
         }
     }
 
@@ -150,25 +144,26 @@ impl SearchSpec {
 }
 
 impl SearchRange {
-    /// Whether it is a range or a list; or what was found, and what expected.
-    pub(crate) fn check(&self) -> Result<(), (String, &'static str)> {
-        match (self.low, self.high) {
-            (None, None) if !self.values.is_empty() => Ok(()),
-            (Some(low), Some(high)) if self.values.is_empty() => {
-                let found = format!("{low} to {high}");
-                match () {
-                    () if low >= high => Err((found, "a lower end below the upper end")),
-                    () if self.log && low <= 0.0 => {
-                        Err((found, "positive ends, to draw the logarithm"))
-                    }
-                    () if self.whole && (low.fract() != 0.0 || high.fract() != 0.0) => {
-                        Err((found, "whole ends of a range of whole numbers"))
-                    }
-                    () => Ok(()),
-                }
+    /// Checks that this, which has the key `key`, is a range or a list.
+    pub(crate) fn check(&self, key: &str) -> Checked {
+        let (low, high) = match (self.low, self.high) {
+            (Some(low), Some(high)) if self.values.is_empty() => (low, high),
+            (None, None) if !self.values.is_empty() => return Ok(()),
+            _ => {
+                let found = format!("`{}`", self.key);
+                return value(key, found, "either low and high, or values");
             }
-            _ => Err((format!("`{}`", self.key), "either low and high, or values")),
-        }
+        };
+        let expected = if low >= high {
+            "a lower end below the upper end"
+        } else if self.log && low <= 0.0 {
+            "positive ends, to draw the logarithm"
+        } else if self.whole && (low.fract() != 0.0 || high.fract() != 0.0) {
+            "whole ends of a range of whole numbers"
+        } else {
+            return Ok(());
+        };
+        value(key, format!("{low} to {high}"), expected)
     }
 
     /// The value at a place from 0 to 1. It has four digits, so that the last bits of a logarithm
@@ -236,7 +231,7 @@ mod tests {
         assert_eq!(at(&list, 0.49), Value::String("a".to_owned()));
         assert_eq!(at(&list, 0.51), Value::String("b".to_owned()));
         for wrong in ["low = 1.0", "low = 2.0\nhigh = 1.0", "low = 0\nhigh = 1\nlog = true", ""] {
-            assert!(range(wrong).check().is_err(), "{wrong}");
+            assert!(range(wrong).check("ranges[0]").is_err(), "{wrong}");
         }
     }
 

@@ -1,6 +1,8 @@
 //! The `[sweep]` section.
 
-use crate::{Problem, SearchSpec, SlurmSpec};
+use crate::validate::Checked;
+use crate::validate::values::{at_least_one, ordered, value};
+use crate::{SearchSpec, SlurmSpec};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeSet;
 
@@ -93,14 +95,14 @@ const MOST_TRIALS: usize = 100_000;
 
 impl SweepSpec {
     /// Checks what can be checked without looking at the trials.
-    pub(crate) fn validate(&self) -> Result<(), (String, Problem)> {
+    pub(crate) fn validate(&self) -> Checked {
         for (i, axis) in self.grid.iter().enumerate() {
             may_be_swept(&format!("sweep.grid[{i}].key"), &axis.key)?;
             for key in &axis.also {
                 may_be_swept(&format!("sweep.grid[{i}].also"), key)?;
             }
             if axis.values.is_empty() {
-                return wrong(&format!("sweep.grid[{i}].values"), "[]", "one value or more");
+                return value(&format!("sweep.grid[{i}].values"), "[]", "one value or more");
             }
         }
         SlurmSpec::of(&self.slurm)
@@ -113,23 +115,17 @@ impl SweepSpec {
         }
         for (i, draws) in self.draws.iter().enumerate() {
             let here = format!("sweep.draws[{i}]");
-            if draws.count == 0 {
-                return wrong(&format!("{here}.count"), "0", "1 or more");
-            }
+            at_least_one(&format!("{here}.count"), draws.count)?;
             for (j, range) in draws.ranges.iter().enumerate() {
                 may_be_swept(&format!("{here}.ranges[{j}].key"), &range.key)?;
-                if range.low > range.high {
-                    let expected = format!("at most the upper end, {}", range.high);
-                    let key = format!("{here}.ranges[{j}].low");
-                    return wrong(&key, &range.low.to_string(), &expected);
-                }
+                ordered(&format!("{here}.ranges[{j}].low"), range.low, range.high)?;
             }
         }
         self.search()?;
         self.size()
     }
 
-    fn search(&self) -> Result<(), (String, Problem)> {
+    fn search(&self) -> Checked {
         let Some(search) = &self.search else { return Ok(()) };
         search.validate()?;
         let axes = self.grid.iter().flat_map(|axis| std::iter::once(&axis.key).chain(&axis.also));
@@ -138,14 +134,14 @@ impl SweepSpec {
             may_be_swept(&place, key)?;
             if !known.insert(key) {
                 let expected = "a key that no other part of the grid and the search sets";
-                return wrong(&place, &format!("{key:?}"), expected);
+                return value(&place, format!("{key:?}"), expected);
             }
         }
         Ok(())
     }
 
     /// Names are cells of tables, which tell trials apart and are opened by other programs.
-    fn names(&self) -> Result<(), (String, Problem)> {
+    fn names(&self) -> Checked {
         let cases = self.cases.iter().enumerate();
         let cases = cases.map(|(i, case)| (format!("sweep.cases[{i}].name"), &case.name));
         let draws = self.draws.iter().enumerate();
@@ -156,16 +152,16 @@ impl SweepSpec {
             if name.starts_with(['=', '+', '-', '@']) || name.contains(char::is_control) {
                 let expected = "a name without control characters that does not begin with =, +, - or @, \
                                 which start formulas in spreadsheets";
-                return wrong(&key, &format!("{name:?}"), expected);
+                return value(&key, format!("{name:?}"), expected);
             }
             if !taken[list].insert(name) {
-                return wrong(&key, &format!("{name:?}"), "a name that no earlier one has");
+                return value(&key, format!("{name:?}"), "a name that no earlier one has");
             }
         }
         Ok(())
     }
 
-    fn size(&self) -> Result<(), (String, Problem)> {
+    fn size(&self) -> Checked {
         let drawn: usize =
             self.draws.iter().map(|draws| draws.count).fold(0, usize::saturating_add);
         let candidates = self.search.as_ref();
@@ -176,14 +172,14 @@ impl SweepSpec {
         let trials = product.fold(1_usize, usize::saturating_mul);
         if trials > MOST_TRIALS {
             let expected = format!("{MOST_TRIALS} at most");
-            return wrong("sweep", &format!("{trials} trials"), &expected);
+            return value("sweep", format!("{trials} trials"), &expected);
         }
         Ok(())
     }
 }
 
 /// Whether the trials of one sweep may differ in `key`.
-fn may_be_swept(place: &str, key: &str) -> Result<(), (String, Problem)> {
+fn may_be_swept(place: &str, key: &str) -> Checked {
     let top = key.split('.').next().unwrap_or_default();
     let instead = match top {
         "preset" => "another key: a preset is chosen for the sweep as a whole",
@@ -191,10 +187,5 @@ fn may_be_swept(place: &str, key: &str) -> Result<(), (String, Problem)> {
         "name" | "sweep" => "a key of the experiment that a trial runs",
         _ => return Ok(()),
     };
-    wrong(place, &format!("{key:?}"), instead)
-}
-
-fn wrong(key: &str, found: &str, expected: &str) -> Result<(), (String, Problem)> {
-    let problem = Problem::Value { found: found.to_owned(), expected: expected.to_owned() };
-    Err((key.to_owned(), problem))
+    value(place, format!("{key:?}"), instead)
 }

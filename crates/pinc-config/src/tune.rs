@@ -1,5 +1,7 @@
 //! The `[tune]` section: what `pinc tune` may change, and what a loop costs.
 
+use crate::validate::Checked;
+use crate::validate::values::{ordered, value};
 use crate::{CaseSpec, DrawsSpec, Experiment, Problem, RangeSpec, SearchRange, SweepSpec};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -89,11 +91,9 @@ impl TuneSpec {
         self.ranges.iter().map(place).collect()
     }
 
-    pub(crate) fn validate(&self, experiment: &Experiment) -> Result<(), (String, Problem)> {
-        let wrong = |key: &str, found: &str, expected: &str| {
-            let problem = Problem::Value { found: found.to_owned(), expected: expected.to_owned() };
-            Err((format!("tune.{key}"), problem))
-        };
+    pub(crate) fn validate(&self, experiment: &Experiment) -> Checked {
+        let wrong =
+            |key: &str, found: &str, expected: &str| value(&format!("tune.{key}"), found, expected);
         if experiment.control.is_none() {
             return wrong("ranges", "no section [control]", "a closed loop to tune");
         }
@@ -116,9 +116,7 @@ impl TuneSpec {
         }
         let mut known: Vec<&String> = Vec::new();
         for (i, range) in self.ranges.iter().enumerate() {
-            if let Err((found, expected)) = range.check() {
-                return wrong(&format!("ranges[{i}]"), &found, expected);
-            }
+            range.check(&format!("tune.ranges[{i}]"))?;
             if !range.values.is_empty() {
                 return wrong(&format!("ranges[{i}].values"), "a list", "low and high");
             }
@@ -142,10 +140,7 @@ impl TuneSpec {
             }
         }
         for (i, range) in self.draws.iter().enumerate() {
-            if range.low > range.high {
-                let expected = format!("at most the upper end, {}", range.high);
-                return wrong(&format!("draws[{i}].low"), &range.low.to_string(), &expected);
-            }
+            ordered(&format!("tune.draws[{i}].low"), range.low, range.high)?;
             if let Some(key) = known.iter().find(|key| ***key == range.key) {
                 let expected = "a key that is not tuned";
                 return wrong(&format!("draws[{i}].key"), &format!("{key:?}"), expected);
@@ -156,11 +151,7 @@ impl TuneSpec {
     }
 
     /// Whether the config admits a value.
-    fn tried(
-        &self,
-        experiment: &Experiment,
-        (key, value): (String, Value),
-    ) -> Result<(), (String, Problem)> {
+    fn tried(&self, experiment: &Experiment, (key, value): (String, Value)) -> Checked {
         let trial = format!("{key} = {value}");
         let mut base = experiment.to_table_as_written();
         base.remove("tune");

@@ -116,7 +116,7 @@ impl Default for FeedbackSpec {
     }
 }
 
-fn is_default<T: Default + PartialEq>(of: &T) -> bool {
+pub(crate) fn is_default<T: Default + PartialEq>(of: &T) -> bool {
     *of == T::default()
 }
 

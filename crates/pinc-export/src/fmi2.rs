@@ -1,7 +1,7 @@
 //! The model description of FMI 2.0.
 
 use crate::Name;
-use crate::fmu::{Description, Role, Status, guid};
+use crate::fmu::{Description, guid};
 use crate::origin::{Origin, attribute};
 use crate::template::constant;
 use std::collections::BTreeSet;
@@ -48,18 +48,12 @@ impl Description<'_> {
     }
 
     fn types(&self) -> String {
-        let of = |status: &Status| {
-            let (name, items) = (status.type_name(), status.items());
+        self.type_definitions(|name, items| {
             format!(
                 "    <SimpleType name=\"{name}\">\n      <Enumeration>\n{items}      \
                  </Enumeration>\n    </SimpleType>\n"
             )
-        };
-        let types: String = self.statuses.iter().map(of).collect();
-        match types.is_empty() {
-            true => types,
-            false => format!("  <TypeDefinitions>\n{types}  </TypeDefinitions>\n"),
-        }
+        })
     }
 
     fn model_variables(&self) -> String {
@@ -90,36 +84,14 @@ impl Description<'_> {
 
     /// Which outputs depend on what, at all times and at the first.
     fn structure(&self) -> String {
-        let places = |role: Role| {
-            let all = self.variables.iter().enumerate().filter(move |(_, v)| v.role == role);
-            all.map(|(i, _)| i + 1)
+        let row = |(place, on): (usize, String)| {
+            format!("      <Unknown index=\"{place}\" dependencies=\"{on}\"/>\n")
         };
-        let mut outputs: Vec<usize> = places(Role::Output).collect();
-        outputs.extend((0..self.statuses.len()).map(|i| self.variables.len() + 1 + i));
-        let join =
-            |list: Vec<usize>| list.iter().map(usize::to_string).collect::<Vec<_>>().join(" ");
-        let inputs = join(places(Role::Input).collect());
-        let starts: Vec<usize> = places(Role::Start).chain(places(Role::Tunable)).collect();
-        let unknowns = |of: &dyn Fn(usize) -> String| -> String {
-            let row = |(at, index): (usize, &usize)| {
-                format!("      <Unknown index=\"{index}\" dependencies=\"{}\"/>\n", of(at))
-            };
-            outputs.iter().enumerate().map(row).collect()
-        };
-        let always = |at: usize| match at < self.from_starts {
-            true => String::new(),
-            false => inputs.clone(),
-        };
-        let all_starts = join(starts.clone());
-        let first = |at: usize| match starts.get(at).filter(|_| at < self.from_starts) {
-            Some(start) => start.to_string(),
-            None => format!("{inputs} {all_starts}"),
-        };
+        let [always, first] =
+            self.dependencies().map(|of| of.into_iter().map(row).collect::<String>());
         format!(
-            "  <ModelStructure>\n    <Outputs>\n{}    </Outputs>\n    <InitialUnknowns>\n{}    \
-             </InitialUnknowns>\n  </ModelStructure>\n",
-            unknowns(&always),
-            unknowns(&first),
+            "  <ModelStructure>\n    <Outputs>\n{always}    </Outputs>\n    \
+             <InitialUnknowns>\n{first}    </InitialUnknowns>\n  </ModelStructure>\n"
         )
     }
 }

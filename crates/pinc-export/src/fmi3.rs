@@ -2,7 +2,7 @@
 
 use crate::Name;
 use crate::fmi2::described;
-use crate::fmu::{Description, Real, Role, Status, guid};
+use crate::fmu::{Description, Real, guid};
 use crate::origin::{Origin, attribute};
 use crate::template::constant;
 
@@ -46,15 +46,9 @@ impl Description<'_> {
     }
 
     fn types3(&self) -> String {
-        let of = |status: &Status| {
-            let (name, items) = (status.type_name(), status.items());
+        self.type_definitions(|name, items| {
             format!("    <EnumerationType name=\"{name}\">\n{items}    </EnumerationType>\n")
-        };
-        let types: String = self.statuses.iter().map(of).collect();
-        match types.is_empty() {
-            true => types,
-            false => format!("  <TypeDefinitions>\n{types}  </TypeDefinitions>\n"),
-        }
+        })
     }
 
     fn variables3(&self) -> String {
@@ -82,34 +76,14 @@ impl Description<'_> {
     }
 
     fn structure3(&self) -> String {
-        let of = |role: Role| {
-            let places = self.variables.iter().enumerate().filter(move |(_, v)| v.role == role);
-            places.map(|(i, _)| (i + 1).to_string()).collect::<Vec<_>>()
-        };
-        let mut outputs = of(Role::Output);
-        let statuses = 0..self.statuses.len();
-        outputs.extend(statuses.map(|i| (self.variables.len() + 1 + i).to_string()));
-        let starts = [of(Role::Start), of(Role::Tunable)].concat();
-        let inputs = of(Role::Input).join(" ");
-        let always = |at: usize| match at < self.from_starts {
-            true => String::new(),
-            false => inputs.clone(),
-        };
-        let first = |at: usize| match starts.get(at).filter(|_| at < self.from_starts) {
-            Some(start) => start.clone(),
-            None => format!("{inputs} {}", starts.join(" ")),
-        };
-        let list = |tag: &str, on: &dyn Fn(usize) -> String| -> String {
-            let row = |(at, vr): (usize, &String)| {
-                let on = on(at);
-                format!("    <{tag} valueReference=\"{vr}\" dependencies=\"{on}\"/>\n")
+        let list = |tag: &str, of: &[(usize, String)]| -> String {
+            let row = |(place, on): &(usize, String)| {
+                format!("    <{tag} valueReference=\"{place}\" dependencies=\"{on}\"/>\n")
             };
-            outputs.iter().enumerate().map(row).collect()
+            of.iter().map(row).collect()
         };
-        format!(
-            "  <ModelStructure>\n{}{}  </ModelStructure>\n",
-            list("Output", &always),
-            list("InitialUnknown", &first),
-        )
+        let [always, first] = self.dependencies();
+        let (outputs, unknowns) = (list("Output", &always), list("InitialUnknown", &first));
+        format!("  <ModelStructure>\n{outputs}{unknowns}  </ModelStructure>\n")
     }
 }

@@ -438,6 +438,41 @@ impl Description<'_> {
         let note = self.note.as_ref();
         note.map_or_else(String::new, |note| format!(" description=\"{}\"", attribute(note)))
     }
+    /// The definitions of the types of statuses, each as `definition` writes its name and items.
+    pub(crate) fn type_definitions(&self, definition: impl Fn(String, String) -> String) -> String {
+        let of = |status: &Status| definition(status.type_name(), status.items());
+        let types: String = self.statuses.iter().map(of).collect();
+        match types.is_empty() {
+            true => types,
+            false => format!("  <TypeDefinitions>\n{types}  </TypeDefinitions>\n"),
+        }
+    }
+
+    /// The places of the outputs, counted from 1, each with those that it depends on: after a step,
+    /// and at the start.
+    pub(crate) fn dependencies(&self) -> [Vec<(usize, String)>; 2] {
+        let of = |role: Role| -> Vec<usize> {
+            let all = self.variables.iter().enumerate().filter(|(_, v)| v.role == role);
+            all.map(|(i, _)| i + 1).collect()
+        };
+        let join = |list: &[usize]| list.iter().map(usize::to_string).collect::<Vec<_>>().join(" ");
+        let mut outputs = of(Role::Output);
+        outputs.extend((0..self.statuses.len()).map(|i| self.variables.len() + 1 + i));
+        let (inputs, starts) =
+            (join(&of(Role::Input)), [of(Role::Start), of(Role::Tunable)].concat());
+        let all_starts = join(&starts);
+        let own_start = |at: usize| starts.get(at).filter(|_| at < self.from_starts);
+        let always = |at: usize| if at < self.from_starts { String::new() } else { inputs.clone() };
+        let first = |at: usize| match own_start(at) {
+            Some(start) => start.to_string(),
+            None => format!("{inputs} {all_starts}"),
+        };
+        let with = |on: &dyn Fn(usize) -> String| {
+            let rows = outputs.iter().enumerate().map(|(at, place)| (*place, on(at)));
+            rows.collect::<Vec<_>>()
+        };
+        [with(&always), with(&first)]
+    }
 
     fn files(
         mut self,

@@ -108,33 +108,23 @@ impl<'t> Traced<'t> {
     }
 }
 
-impl Add for Traced<'_> {
-    type Output = Self;
-    fn add(self, b: Self) -> Self {
-        self.record(|graph, a| graph.add(a, b.value))
-    }
+macro_rules! operators {
+    ($($trait:ident $method:ident $recorded:ident),*) => {$(
+        impl $trait for Traced<'_> {
+            type Output = Self;
+            fn $method(self, b: Self) -> Self {
+                self.record(|graph, a| graph.$recorded(a, b.value))
+            }
+        }
+        impl $trait<f64> for Traced<'_> {
+            type Output = Self;
+            fn $method(self, b: f64) -> Self {
+                self.$method(self.constant(b))
+            }
+        }
+    )*};
 }
-
-impl Sub for Traced<'_> {
-    type Output = Self;
-    fn sub(self, b: Self) -> Self {
-        self.record(|graph, a| graph.sub(a, b.value))
-    }
-}
-
-impl Mul for Traced<'_> {
-    type Output = Self;
-    fn mul(self, b: Self) -> Self {
-        self.record(|graph, a| graph.mul(a, b.value))
-    }
-}
-
-impl Div for Traced<'_> {
-    type Output = Self;
-    fn div(self, b: Self) -> Self {
-        self.record(|graph, a| graph.quotient(a, b.value))
-    }
-}
+operators!(Add add add, Sub sub sub, Mul mul mul, Div div quotient);
 
 impl Neg for Traced<'_> {
     type Output = Self;
@@ -143,32 +133,12 @@ impl Neg for Traced<'_> {
     }
 }
 
-impl Add<f64> for Traced<'_> {
-    type Output = Self;
-    fn add(self, b: f64) -> Self {
-        self + self.constant(b)
-    }
-}
-
-impl Sub<f64> for Traced<'_> {
-    type Output = Self;
-    fn sub(self, b: f64) -> Self {
-        self - self.constant(b)
-    }
-}
-
-impl Mul<f64> for Traced<'_> {
-    type Output = Self;
-    fn mul(self, b: f64) -> Self {
-        self * self.constant(b)
-    }
-}
-
-impl Div<f64> for Traced<'_> {
-    type Output = Self;
-    fn div(self, b: f64) -> Self {
-        self / self.constant(b)
-    }
+macro_rules! functions {
+    ($($method:ident $function:ident),*) => {$(
+        fn $method(self) -> Self {
+            self.function(Function::$function)
+        }
+    )*};
 }
 
 impl Scalar for Traced<'_> {
@@ -187,36 +157,8 @@ impl Scalar for Traced<'_> {
     fn constants(self, value: Self) -> Self {
         value
     }
-    fn sqrt(self) -> Self {
-        self.function(Function::Sqrt)
-    }
-    fn exp(self) -> Self {
-        self.function(Function::Exp)
-    }
-    fn ln(self) -> Self {
-        self.function(Function::Log)
-    }
-    fn sin(self) -> Self {
-        self.function(Function::Sin)
-    }
-    fn cos(self) -> Self {
-        self.function(Function::Cos)
-    }
-    fn tan(self) -> Self {
-        self.function(Function::Tan)
-    }
-    fn atan(self) -> Self {
-        self.function(Function::Atan)
-    }
-    fn tanh(self) -> Self {
-        self.function(Function::Tanh)
-    }
-    fn abs(self) -> Self {
-        self.function(Function::Abs)
-    }
-    fn sign(self) -> Self {
-        self.function(Function::Sign)
-    }
+    functions!(sqrt Sqrt, exp Exp, ln Log, sin Sin, cos Cos, tan Tan, atan Atan, tanh Tanh);
+    functions!(abs Abs, sign Sign);
     fn powf(self, p: f64) -> Self {
         self.record(|graph, a| graph.powf(a, p))
     }

@@ -5,7 +5,7 @@ use crate::observer::{Observer, PlantNow, Watch};
 use crate::violation::{Violation, Violations};
 use pinc_mpc::{
     BoundSchedule, Bounded, Constraint, MpcError, Nmpc, Reference, SqpStatus, StepWork, Timetable,
-    Tracked, Trust,
+    Tracked, Trust, check_finite,
 };
 use pinc_ode::metrics::Tracking;
 use pinc_ode::{Simulator, Trajectory};
@@ -485,19 +485,6 @@ impl<'a> ClosedLoop<'a> {
                 Bounded::Output(i) => y[i],
             })
         });
-    }
-}
-
-/// Whether `values` has `expected` entries, all finite.
-fn check_finite(field: &'static str, values: &[f64], expected: usize) -> Result<(), MpcError> {
-    if values.len() != expected {
-        return Err(MpcError::Length { field, expected, found: values.len() });
-    }
-    match values.iter().position(|value| !value.is_finite()) {
-        Some(index) => {
-            Err(MpcError::Number { field, index, expected: "finite", value: values[index] })
-        }
-        None => Ok(()),
     }
 }
 

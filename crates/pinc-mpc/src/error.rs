@@ -192,11 +192,11 @@ pub(crate) fn check_setting(
 }
 
 /// Whether `values` has `expected` entries, all finite.
-pub(crate) fn check_finite(
-    field: &'static str,
-    values: &[f64],
-    expected: usize,
-) -> Result<(), MpcError> {
+///
+/// # Errors
+///
+/// [`MpcError::Length`] or [`MpcError::Number`].
+pub fn check_finite(field: &'static str, values: &[f64], expected: usize) -> Result<(), MpcError> {
     check_length(field, values, expected)?;
     check_numbers(field, values, "finite", f64::is_finite)
 }

@@ -60,7 +60,7 @@ pub use config::{SqpConfig, SqpHessian, SqpStatus};
 pub use constraint::{Constraint, Side};
 pub use constraints::{Constraints, StageConstraints};
 pub use controller::Nmpc;
-pub use error::MpcError;
+pub use error::{MpcError, check_finite};
 pub use guard::{Judge, Trust};
 pub use integrated_cost::IntegratedCost;
 pub use kkt::KktResidual;

@@ -24,33 +24,23 @@ impl Reach {
     }
 }
 
-impl Add for Reach {
-    type Output = Self;
-    fn add(self, other: Self) -> Self {
-        self.or(other)
-    }
+macro_rules! operators {
+    ($($trait:ident $method:ident),*) => {$(
+        impl $trait for Reach {
+            type Output = Self;
+            fn $method(self, other: Self) -> Self {
+                self.or(other)
+            }
+        }
+        impl $trait<f64> for Reach {
+            type Output = Self;
+            fn $method(self, _: f64) -> Self {
+                self
+            }
+        }
+    )*};
 }
-
-impl Sub for Reach {
-    type Output = Self;
-    fn sub(self, other: Self) -> Self {
-        self.or(other)
-    }
-}
-
-impl Mul for Reach {
-    type Output = Self;
-    fn mul(self, other: Self) -> Self {
-        self.or(other)
-    }
-}
-
-impl Div for Reach {
-    type Output = Self;
-    fn div(self, other: Self) -> Self {
-        self.or(other)
-    }
-}
+operators!(Add add, Sub sub, Mul mul, Div div);
 
 impl Neg for Reach {
     type Output = Self;
@@ -59,32 +49,12 @@ impl Neg for Reach {
     }
 }
 
-impl Add<f64> for Reach {
-    type Output = Self;
-    fn add(self, _: f64) -> Self {
-        self
-    }
-}
-
-impl Sub<f64> for Reach {
-    type Output = Self;
-    fn sub(self, _: f64) -> Self {
-        self
-    }
-}
-
-impl Mul<f64> for Reach {
-    type Output = Self;
-    fn mul(self, _: f64) -> Self {
-        self
-    }
-}
-
-impl Div<f64> for Reach {
-    type Output = Self;
-    fn div(self, _: f64) -> Self {
-        self
-    }
+macro_rules! functions {
+    ($($method:ident)*) => {$(
+        fn $method(self) -> Self {
+            self
+        }
+    )*};
 }
 
 impl Scalar for Reach {
@@ -94,36 +64,10 @@ impl Scalar for Reach {
     fn constant(self, _: f64) -> Self {
         Self(false)
     }
-    fn plain(self) -> Self {
-        self
-    }
     fn constants(self, value: Self) -> Self {
         value
     }
-    fn sqrt(self) -> Self {
-        self
-    }
-    fn exp(self) -> Self {
-        self
-    }
-    fn ln(self) -> Self {
-        self
-    }
-    fn sin(self) -> Self {
-        self
-    }
-    fn cos(self) -> Self {
-        self
-    }
-    fn tan(self) -> Self {
-        self
-    }
-    fn atan(self) -> Self {
-        self
-    }
-    fn tanh(self) -> Self {
-        self
-    }
+    functions!(plain sqrt exp ln sin cos tan atan tanh);
     fn powf(self, _: f64) -> Self {
         self
     }

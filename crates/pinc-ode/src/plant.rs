@@ -68,6 +68,10 @@ pub trait Plant: Clone + Debug + Send + Sync + 'static {
     /// points at once.
     const LONG: bool = false;
 
+    /// How many states and inputs a plant without parameters has together, if its type says it: its
+    /// Runge-Kutta methods are then compiled for so many columns of Jacobians, else for any number.
+    const COLUMNS: Option<usize> = None;
+
     /// The states, in order; their number is `nx`.
     fn states(&self) -> &[Variable];
 

@@ -89,22 +89,23 @@ impl<K: Scalar> AcetoneColumn<K> {
 
 impl Plant for AcetoneColumn {
     const LONG: bool = true;
+    const COLUMNS: Option<usize> = Some(2 * STAGES + 2);
 
     fn states(&self) -> &[Variable] {
-        static VARIABLES: [Variable; 2 * STAGES] = [
-            Variable::new("xa0", ""),
-            Variable::new("xw0", ""),
-            Variable::new("xa1", ""),
-            Variable::new("xw1", ""),
-            Variable::new("xa2", ""),
-            Variable::new("xw2", ""),
-        ];
-        &VARIABLES
+        const {
+            &[
+                Variable::new("xa0", ""),
+                Variable::new("xw0", ""),
+                Variable::new("xa1", ""),
+                Variable::new("xw1", ""),
+                Variable::new("xa2", ""),
+                Variable::new("xw2", ""),
+            ]
+        }
     }
 
     fn inputs(&self) -> &[Variable] {
-        static VARIABLES: [Variable; 2] = [Variable::new("L", "mol/s"), Variable::new("Q", "kW")];
-        &VARIABLES
+        const { &[Variable::new("L", "mol/s"), Variable::new("Q", "kW")] }
     }
 
     fn constants(&self) -> Vec<(String, f64)> {
@@ -114,16 +115,5 @@ impl Plant for AcetoneColumn {
         numbers.map(|(name, value)| (name.to_owned(), value)).into()
     }
 
-    fn with_constants(&self, constants: &[f64]) -> Self {
-        Self::of(constants, self.pressure)
-    }
-
-    #[inline(always)]
-    fn rhs<S: Scalar>(&self, x: &[S], u: &[S], _p: &[S], dx: &mut [S]) {
-        self.rates(x, u, dx);
-    }
-
-    fn rhs_with<S: Scalar>(&self, constants: &[S], x: &[S], u: &[S], _p: &[S], dx: &mut [S]) {
-        AcetoneColumn::of(constants, self.pressure).rates(x, u, dx);
-    }
+    by_rates!(AcetoneColumn, pressure);
 }

@@ -75,15 +75,14 @@ impl<K: Scalar> AcetoneStill<K> {
 
 impl Plant for AcetoneStill {
     const LONG: bool = true;
+    const COLUMNS: Option<usize> = Some(4);
 
     fn states(&self) -> &[Variable] {
-        static VARIABLES: [Variable; 2] = [Variable::new("xa", ""), Variable::new("xm", "")];
-        &VARIABLES
+        const { &[Variable::new("xa", ""), Variable::new("xm", "")] }
     }
 
     fn inputs(&self) -> &[Variable] {
-        static VARIABLES: [Variable; 2] = [Variable::new("F", "mol/s"), Variable::new("Q", "kW")];
-        &VARIABLES
+        const { &[Variable::new("F", "mol/s"), Variable::new("Q", "kW")] }
     }
 
     fn constants(&self) -> Vec<(String, f64)> {
@@ -92,16 +91,5 @@ impl Plant for AcetoneStill {
         numbers.map(|(name, value)| (name.to_owned(), value)).into()
     }
 
-    fn with_constants(&self, constants: &[f64]) -> Self {
-        Self::of(constants, self.pressure)
-    }
-
-    #[inline(always)]
-    fn rhs<S: Scalar>(&self, x: &[S], u: &[S], _p: &[S], dx: &mut [S]) {
-        self.rates(x, u, dx);
-    }
-
-    fn rhs_with<S: Scalar>(&self, constants: &[S], x: &[S], u: &[S], _p: &[S], dx: &mut [S]) {
-        AcetoneStill::of(constants, self.pressure).rates(x, u, dx);
-    }
+    by_rates!(AcetoneStill, pressure);
 }

@@ -86,19 +86,21 @@ impl<K: Scalar> FourTanks<K> {
 }
 
 impl Plant for FourTanks {
+    const COLUMNS: Option<usize> = Some(6);
+
     fn states(&self) -> &[Variable] {
-        static VARIABLES: [Variable; 4] = [
-            Variable::new("h1", "cm"),
-            Variable::new("h2", "cm"),
-            Variable::new("h3", "cm"),
-            Variable::new("h4", "cm"),
-        ];
-        &VARIABLES
+        const {
+            &[
+                Variable::new("h1", "cm"),
+                Variable::new("h2", "cm"),
+                Variable::new("h3", "cm"),
+                Variable::new("h4", "cm"),
+            ]
+        }
     }
 
     fn inputs(&self) -> &[Variable] {
-        static VARIABLES: [Variable; 2] = [Variable::new("u1", "V"), Variable::new("u2", "V")];
-        &VARIABLES
+        const { &[Variable::new("u1", "V"), Variable::new("u2", "V")] }
     }
 
     fn constants(&self) -> Vec<(String, f64)> {
@@ -115,16 +117,5 @@ impl Plant for FourTanks {
         numbers.into_iter().flat_map(named).collect()
     }
 
-    fn with_constants(&self, constants: &[f64]) -> Self {
-        Self::of(constants)
-    }
-
-    #[inline(always)]
-    fn rhs<S: Scalar>(&self, x: &[S], u: &[S], _p: &[S], dx: &mut [S]) {
-        self.rates(x, u, dx);
-    }
-
-    fn rhs_with<S: Scalar>(&self, constants: &[S], x: &[S], u: &[S], _p: &[S], dx: &mut [S]) {
-        FourTanks::of(constants).rates(x, u, dx);
-    }
+    by_rates!(FourTanks);
 }

@@ -127,19 +127,21 @@ impl<K: Scalar> HydraulicServo<K> {
 }
 
 impl Plant for HydraulicServo {
+    const COLUMNS: Option<usize> = Some(5);
+
     fn states(&self) -> &[Variable] {
-        static VARIABLES: [Variable; 4] = [
-            Variable::new("x", "m"),
-            Variable::new("v", "m/s"),
-            Variable::new("p", "MPa"),
-            Variable::new("s", ""),
-        ];
-        &VARIABLES
+        const {
+            &[
+                Variable::new("x", "m"),
+                Variable::new("v", "m/s"),
+                Variable::new("p", "MPa"),
+                Variable::new("s", ""),
+            ]
+        }
     }
 
     fn inputs(&self) -> &[Variable] {
-        static VARIABLES: [Variable; 1] = [Variable::new("u", "")];
-        &VARIABLES
+        const { &[Variable::new("u", "")] }
     }
 
     fn constants(&self) -> Vec<(String, f64)> {
@@ -160,16 +162,5 @@ impl Plant for HydraulicServo {
         numbers.map(|(name, value)| (name.to_owned(), value)).into()
     }
 
-    fn with_constants(&self, constants: &[f64]) -> Self {
-        Self::of(constants)
-    }
-
-    #[inline(always)]
-    fn rhs<S: Scalar>(&self, x: &[S], u: &[S], _p: &[S], dx: &mut [S]) {
-        self.rates(x, u, dx);
-    }
-
-    fn rhs_with<S: Scalar>(&self, constants: &[S], x: &[S], u: &[S], _p: &[S], dx: &mut [S]) {
-        HydraulicServo::of(constants).rates(x, u, dx);
-    }
+    by_rates!(HydraulicServo);
 }

@@ -7,6 +7,25 @@
 
 #![forbid(unsafe_code)]
 
+/// What a plant is by its `rates` and its constants, from which `of` makes it; and by fields that
+/// are no constants.
+macro_rules! by_rates {
+    ($plant:ident $(, $field:ident)*) => {
+        fn with_constants(&self, constants: &[f64]) -> Self {
+            Self::of(constants $(, self.$field)*)
+        }
+
+        #[inline(always)]
+        fn rhs<S: Scalar>(&self, x: &[S], u: &[S], _p: &[S], dx: &mut [S]) {
+            self.rates(x, u, dx);
+        }
+
+        fn rhs_with<S: Scalar>(&self, constants: &[S], x: &[S], u: &[S], _p: &[S], dx: &mut [S]) {
+            $plant::of(constants $(, self.$field)*).rates(x, u, dx);
+        }
+    };
+}
+
 mod acetone_column;
 mod acetone_mixture;
 mod acetone_still;

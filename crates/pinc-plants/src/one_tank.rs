@@ -42,14 +42,14 @@ impl<K: Scalar> OneTank<K> {
 }
 
 impl Plant for OneTank {
+    const COLUMNS: Option<usize> = Some(2);
+
     fn states(&self) -> &[Variable] {
-        static VARIABLES: [Variable; 1] = [Variable::new("h", "cm")];
-        &VARIABLES
+        const { &[Variable::new("h", "cm")] }
     }
 
     fn inputs(&self) -> &[Variable] {
-        static VARIABLES: [Variable; 1] = [Variable::new("u", "V")];
-        &VARIABLES
+        const { &[Variable::new("u", "V")] }
     }
 
     fn constants(&self) -> Vec<(String, f64)> {
@@ -60,16 +60,5 @@ impl Plant for OneTank {
             .collect()
     }
 
-    fn with_constants(&self, constants: &[f64]) -> Self {
-        Self::of(constants)
-    }
-
-    #[inline(always)]
-    fn rhs<S: Scalar>(&self, x: &[S], u: &[S], _p: &[S], dx: &mut [S]) {
-        self.rates(x, u, dx);
-    }
-
-    fn rhs_with<S: Scalar>(&self, constants: &[S], x: &[S], u: &[S], _p: &[S], dx: &mut [S]) {
-        OneTank::of(constants).rates(x, u, dx);
-    }
+    by_rates!(OneTank);
 }

@@ -122,20 +122,21 @@ impl<K: Scalar> SingleTrackCar<K> {
 
 impl Plant for SingleTrackCar {
     const LONG: bool = true;
+    const COLUMNS: Option<usize> = Some(6);
 
     fn states(&self) -> &[Variable] {
-        static VARIABLES: [Variable; 4] = [
-            Variable::new("vx", "m/s"),
-            Variable::new("vy", "m/s"),
-            Variable::new("r", "rad/s"),
-            Variable::new("k", ""),
-        ];
-        &VARIABLES
+        const {
+            &[
+                Variable::new("vx", "m/s"),
+                Variable::new("vy", "m/s"),
+                Variable::new("r", "rad/s"),
+                Variable::new("k", ""),
+            ]
+        }
     }
 
     fn inputs(&self) -> &[Variable] {
-        static VARIABLES: [Variable; 2] = [Variable::new("d", "rad"), Variable::new("M", "N m")];
-        &VARIABLES
+        const { &[Variable::new("d", "rad"), Variable::new("M", "N m")] }
     }
 
     fn constants(&self) -> Vec<(String, f64)> {
@@ -153,16 +154,5 @@ impl Plant for SingleTrackCar {
         numbers.map(|(name, value)| (name.to_owned(), value)).into()
     }
 
-    fn with_constants(&self, constants: &[f64]) -> Self {
-        Self::of(constants)
-    }
-
-    #[inline(always)]
-    fn rhs<S: Scalar>(&self, x: &[S], u: &[S], _p: &[S], dx: &mut [S]) {
-        self.rates(x, u, dx);
-    }
-
-    fn rhs_with<S: Scalar>(&self, constants: &[S], x: &[S], u: &[S], _p: &[S], dx: &mut [S]) {
-        SingleTrackCar::of(constants).rates(x, u, dx);
-    }
+    by_rates!(SingleTrackCar);
 }

@@ -70,20 +70,21 @@ impl<K: Scalar> TwoLinkArm<K> {
 
 impl Plant for TwoLinkArm {
     const LONG: bool = true;
+    const COLUMNS: Option<usize> = Some(6);
 
     fn states(&self) -> &[Variable] {
-        static VARIABLES: [Variable; 4] = [
-            Variable::new("q1", "rad"),
-            Variable::new("q2", "rad"),
-            Variable::new("w1", "rad/s"),
-            Variable::new("w2", "rad/s"),
-        ];
-        &VARIABLES
+        const {
+            &[
+                Variable::new("q1", "rad"),
+                Variable::new("q2", "rad"),
+                Variable::new("w1", "rad/s"),
+                Variable::new("w2", "rad/s"),
+            ]
+        }
     }
 
     fn inputs(&self) -> &[Variable] {
-        static VARIABLES: [Variable; 2] = [Variable::new("u1", "N m"), Variable::new("u2", "N m")];
-        &VARIABLES
+        const { &[Variable::new("u1", "N m"), Variable::new("u2", "N m")] }
     }
 
     fn constants(&self) -> Vec<(String, f64)> {
@@ -92,16 +93,5 @@ impl Plant for TwoLinkArm {
         numbers.map(|(name, value)| (name.to_owned(), value)).into()
     }
 
-    fn with_constants(&self, constants: &[f64]) -> Self {
-        Self::of(constants)
-    }
-
-    #[inline(always)]
-    fn rhs<S: Scalar>(&self, x: &[S], u: &[S], _p: &[S], dx: &mut [S]) {
-        self.rates(x, u, dx);
-    }
-
-    fn rhs_with<S: Scalar>(&self, constants: &[S], x: &[S], u: &[S], _p: &[S], dx: &mut [S]) {
-        TwoLinkArm::of(constants).rates(x, u, dx);
-    }
+    by_rates!(TwoLinkArm);
 }

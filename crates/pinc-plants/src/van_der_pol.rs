@@ -40,30 +40,19 @@ impl<K: Scalar> VanDerPol<K> {
 }
 
 impl Plant for VanDerPol {
+    const COLUMNS: Option<usize> = Some(3);
+
     fn states(&self) -> &[Variable] {
-        static VARIABLES: [Variable; 2] = [Variable::new("x1", ""), Variable::new("x2", "")];
-        &VARIABLES
+        const { &[Variable::new("x1", ""), Variable::new("x2", "")] }
     }
 
     fn inputs(&self) -> &[Variable] {
-        static VARIABLES: [Variable; 1] = [Variable::new("u", "")];
-        &VARIABLES
+        const { &[Variable::new("u", "")] }
     }
 
     fn constants(&self) -> Vec<(String, f64)> {
         vec![("mu".to_owned(), self.mu)]
     }
 
-    fn with_constants(&self, constants: &[f64]) -> Self {
-        Self::of(constants)
-    }
-
-    #[inline(always)]
-    fn rhs<S: Scalar>(&self, x: &[S], u: &[S], _p: &[S], dx: &mut [S]) {
-        self.rates(x, u, dx);
-    }
-
-    fn rhs_with<S: Scalar>(&self, constants: &[S], x: &[S], u: &[S], _p: &[S], dx: &mut [S]) {
-        VanDerPol::of(constants).rates(x, u, dx);
-    }
+    by_rates!(VanDerPol);
 }

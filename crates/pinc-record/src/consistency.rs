@@ -1,8 +1,7 @@
 //! The consistency of an estimator: errors against their claimed spread.
 
 use crate::metrics::{ControlMetrics, EstimatorMetrics};
-use crate::verdict::significant;
-use std::fmt;
+use crate::verdict::{Finding, significant};
 use std::ops::RangeInclusive;
 
 /// A mean square is far above its interval if it is more than this many times what it is of a
@@ -15,30 +14,9 @@ const FAR_ABOVE: f64 = 2.0;
 /// many standard deviations of a normal distribution.
 const NORMAL_999: f64 = 3.2905;
 
-/// Something that a reader of a run's results should know of its estimator.
-#[derive(Clone, Debug, PartialEq)]
-pub(crate) enum EstimatorFinding {
-    /// A mean of normalized squares is far above its interval: the estimator is overconfident.
-    Inconsistent(MeanSquare),
-    /// The normalized innovation squared is undefined in so many of so many steps.
-    Undefined {
-        /// In how many steps.
-        undefined: usize,
-        /// The number of steps.
-        steps: usize,
-    },
-    /// The gate rejected measurements.
-    Rejected {
-        /// How many of which quantities.
-        rejected: Vec<(String, usize)>,
-        /// In how many steps.
-        steps: usize,
-    },
-}
-
 /// The mean of normalized squares of an estimator.
 #[derive(Clone, Debug, PartialEq)]
-pub(crate) struct MeanSquare {
+struct MeanSquare {
     /// What they are of: NIS or NEES.
     name: &'static str,
     /// The mean.
@@ -50,7 +28,7 @@ pub(crate) struct MeanSquare {
 }
 
 /// What a reader should know of `estimator`.
-pub(crate) fn findings(estimator: &EstimatorMetrics, of: &ControlMetrics) -> Vec<EstimatorFinding> {
+pub(crate) fn findings(estimator: &EstimatorMetrics, of: &ControlMetrics) -> Vec<Finding> {
     let EstimatorMetrics { nis_mean, nis_expected, nis_steps, nees_mean, nees_steps, .. } =
         *estimator;
     let mut findings = Vec::new();
@@ -59,17 +37,26 @@ pub(crate) fn findings(estimator: &EstimatorMetrics, of: &ControlMetrics) -> Vec
     let states = estimator.estimate_rmse.len() as f64;
     let nees = MeanSquare { name: "NEES", mean: nees_mean, expected: states, steps: nees_steps };
     // One is enough: what is to be changed is the same.
-    findings.extend(
-        [nis, nees].into_iter().find(MeanSquare::is_far_above).map(EstimatorFinding::Inconsistent),
-    );
-    if estimator.nis_undefined > 0 {
-        let undefined = estimator.nis_undefined;
-        findings.push(EstimatorFinding::Undefined { undefined, steps: of.steps() });
+    findings.extend([nis, nees].iter().find(|of| of.is_far_above()).map(MeanSquare::finding));
+    let (undefined, steps) = (estimator.nis_undefined, of.steps());
+    if undefined > 0 {
+        findings.push(Finding::new(
+            format!(
+                "the NIS is undefined in {undefined} of {steps} steps and is left out of its mean."
+            ),
+            "The covariance was singular to working precision there: bring the standard \
+             deviations in [control.estimator] closer together.",
+        ));
     }
     if !estimator.rejected.is_empty() {
-        let rejected = estimator.rejected.iter().map(|(name, count)| (name.clone(), *count));
-        let (rejected, steps) = (rejected.collect(), of.steps());
-        findings.push(EstimatorFinding::Rejected { rejected, steps });
+        let each = estimator.rejected.iter().map(|(name, count)| format!("{count} of {name}"));
+        let each = each.collect::<Vec<_>>().join(", ");
+        findings.push(Finding::new(
+            format!("in {steps} steps the estimator's gate rejected measurements: {each}."),
+            "They were too far from what was expected, and counted as missing. Look at the \
+             sensor; if it is right, raise process_sd or disturbance_sd in [control.estimator], or \
+             widen its gate.",
+        ));
     }
     findings
 }
@@ -91,62 +78,22 @@ impl MeanSquare {
         // Without any step there is no mean.
         self.mean > FAR_ABOVE * self.expected && self.mean > *self.interval().end()
     }
-}
 
-/// What happened, after the model.
-impl fmt::Display for EstimatorFinding {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Inconsistent(square) => {
-                let MeanSquare { name, mean, expected, steps } = square;
-                let (low, high) = square.interval().into_inner();
-                write!(
-                    f,
-                    "the estimator is inconsistent: its mean {name} is {}, where a consistent one \
-                     has {} ({} to {} over {steps} steps).",
-                    significant(*mean),
-                    significant(*expected),
-                    significant(low),
-                    significant(high)
-                )
-            }
-            Self::Undefined { undefined, steps } => write!(
-                f,
-                "the NIS is undefined in {undefined} of {steps} steps and is left out of its mean."
+    /// What a mean far above its interval says: the estimator is overconfident.
+    fn finding(&self) -> Finding {
+        let (low, high) = self.interval().into_inner();
+        let [mean, expected, low, high] = [self.mean, self.expected, low, high].map(significant);
+        Finding::new(
+            format!(
+                "the estimator is inconsistent: its mean {} is {mean}, where a consistent one has \
+                 {expected} ({low} to {high} over {} steps).",
+                self.name, self.steps
             ),
-            Self::Rejected { rejected, steps } => {
-                let each = rejected.iter().map(|(name, count)| format!("{count} of {name}"));
-                let each: Vec<_> = each.collect();
-                write!(
-                    f,
-                    "in {steps} steps the estimator's gate rejected measurements: {}.",
-                    each.join(", ")
-                )
-            }
-        }
-    }
-}
-
-impl EstimatorFinding {
-    /// What to do about it.
-    pub(crate) fn advice(&self) -> &'static str {
-        match self {
-            Self::Inconsistent(_) => {
-                "Its errors are larger than it believes: raise process_sd and disturbance_sd in \
-                 [control.estimator], or measurement_sd if the sensors are noisier than it says; if \
-                 innovations keep their sign, estimate a disturbance or a parameter where plant and \
-                 model differ."
-            }
-            Self::Undefined { .. } => {
-                "The covariance was singular to working precision there: bring the standard \
-                 deviations in [control.estimator] closer together."
-            }
-            Self::Rejected { .. } => {
-                "They were too far from what was expected, and counted as missing. Look at the \
-                 sensor; if it is right, raise process_sd or disturbance_sd in [control.estimator], \
-                 or widen its gate."
-            }
-        }
+            "Its errors are larger than it believes: raise process_sd and disturbance_sd in \
+             [control.estimator], or measurement_sd if the sensors are noisier than it says; if \
+             innovations keep their sign, estimate a disturbance or a parameter where plant and \
+             model differ.",
+        )
     }
 }
 
@@ -176,7 +123,7 @@ mod tests {
         // A few steps say little.
         assert!(!square(6.1, 2).is_far_above());
         assert!(!square(f64::NAN, 0).is_far_above());
-        let said = EstimatorFinding::Inconsistent(square(108.0, 144)).to_string();
+        let said = square(108.0, 144).finding().to_string();
         assert!(said.contains("mean NIS is 108, where a consistent one has 3.00 ("), "{said}");
     }
 }

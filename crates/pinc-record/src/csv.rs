@@ -198,6 +198,15 @@ impl CsvHead {
         self.position(column).ok_or_else(|| self.missing(column))
     }
 
+    /// The places of the columns that `form` makes of some names.
+    pub(crate) fn places(
+        &self,
+        names: &[String],
+        form: impl Fn(&str) -> String,
+    ) -> Result<Vec<usize>, RecordError> {
+        names.iter().map(|name| self.place(&form(name))).collect()
+    }
+
     /// The error that a column is missing.
     pub(crate) fn missing(&self, column: &str) -> RecordError {
         let found = self.header.iter().map(str::to_owned).collect();
@@ -228,13 +237,13 @@ impl CsvHead {
         text.parse().map_err(|_| self.not_a_number(row, place))
     }
 
-    /// The numbers in some neighbouring cells.
+    /// The numbers in some cells.
     pub(crate) fn numbers(
         &self,
         row: &StringRecord,
-        places: std::ops::Range<usize>,
+        places: impl IntoIterator<Item = usize>,
     ) -> Result<Vec<f64>, RecordError> {
-        places.map(|place| self.number(row, place)).collect()
+        places.into_iter().map(|place| self.number(row, place)).collect()
     }
 
     /// The error of a row that serde cannot turn into a struct whose fields are the columns.

@@ -145,47 +145,50 @@ impl DomainErrorMetrics {
     }
 }
 
-/// A net that is badly wrong somewhere in its training domain.
-#[derive(Clone, Debug, PartialEq)]
-pub struct DomainFinding {
-    share_off: f64,
-    /// Where the error is largest: names with values.
-    place: String,
-    state: String,
-    predicted: f64,
-    truth: f64,
-    max: f64,
-    /// Whether the net fits fresh points as well as its sample: more of them would not help.
-    is_too_small: bool,
-}
-
 /// Up to this ratio of the loss on fresh points to that on its sample a net does not overfit.
 const FITS: f64 = 2.0;
 
 impl DomainErrorMetrics {
-    /// Whether the net is wrong enough somewhere that a user must know.
+    /// What a user must know of a net that is badly wrong somewhere; `losses` are its loss on its
+    /// sample and on fresh points, if they are known.
     #[must_use]
-    pub fn finding(&self, states: &[String], inputs: &[String]) -> Option<DomainFinding> {
+    pub fn finding(
+        &self,
+        [states, inputs]: [&[String]; 2],
+        losses: Option<(f64, f64)>,
+    ) -> Option<String> {
         if self.max <= WORST && self.p99 <= HUNDREDTH {
             return None;
         }
-        Some(DomainFinding {
-            share_off: self.share_off,
-            place: self.max_at.named(states, inputs),
-            state: self.max_of.clone(),
-            predicted: self.predicted,
-            truth: self.truth,
-            max: self.max,
-            is_too_small: false,
-        })
-    }
-}
-
-impl DomainFinding {
-    /// The finding for a net with these losses on its sample and on fresh points.
-    #[must_use]
-    pub fn of_training(self, loss: f64, fresh_loss: f64) -> Self {
-        Self { is_too_small: fresh_loss <= FITS * loss, ..self }
+        let mut said = "The net is wrong in a part of its domain: ".to_owned();
+        if self.share_off > 0.0 {
+            said += &format!(
+                "{} % of [domain] is off by more than {} % of a state's range after one step; ",
+                rounded(100.0 * self.share_off),
+                rounded(100.0 * OFF)
+            );
+        }
+        let (place, truth) = (self.max_at.named(states, inputs), rounded(self.truth));
+        said += &format!(
+            "worst at {place}, where {} is to become {truth} and the net says ",
+            self.max_of
+        );
+        said += &match self.max.is_finite() {
+            true => {
+                let percent = rounded(100.0 * self.max);
+                format!("{} ({percent} % of its range off). ", rounded(self.predicted))
+            }
+            false => "nothing that is a number. ".to_owned(),
+        };
+        said += "A controller that plans there is misled: see what pinc check says of poles and                  kinks, take a smaller [domain] or a shorter T, ";
+        // A net that fits fresh points as well as its sample does not want more of them.
+        said += match losses {
+            Some((loss, fresh)) if fresh <= FITS * loss => {
+                "or a larger net: its loss is the same on fresh points, so that more points would                  not help."
+            }
+            _ => "or a larger net and more training.",
+        };
+        Some(said)
     }
 }
 
@@ -215,35 +218,6 @@ fn rounded(value: f64) -> String {
     }
 }
 
-impl fmt::Display for DomainFinding {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "The net is wrong in a part of its domain: ")?;
-        if self.share_off > 0.0 {
-            let percent = rounded(100.0 * self.share_off);
-            write!(f, "{percent} % of [domain] is off by more than {} % ", rounded(100.0 * OFF))?;
-            write!(f, "of a state's range after one step; ")?;
-        }
-        let Self { place, state, predicted, truth, max, is_too_small, .. } = self;
-        let (predicted, truth) = (rounded(*predicted), rounded(*truth));
-        write!(f, "worst at {place}, where {state} is to become {truth} and the net says ")?;
-        match max.is_finite() {
-            true => write!(f, "{predicted} ({} % of its range off). ", rounded(100.0 * max))?,
-            false => write!(f, "nothing that is a number. ")?,
-        }
-        f.write_str(
-            "A controller that plans there is misled: see what pinc check says of poles and kinks, \
-             take a smaller [domain] or a shorter T, ",
-        )?;
-        f.write_str(match is_too_small {
-            true => {
-                "or a larger net: its loss is the same on fresh points, so that more points would not \
-                 help."
-            }
-            false => "or a larger net and more training.",
-        })
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -267,12 +241,16 @@ mod tests {
         DomainErrorMetrics::of(&judged, [&names(&["X", "S"]), &[]], 0, rk4)
     }
 
+    fn finding(of: &DomainErrorMetrics, losses: Option<(f64, f64)>) -> Option<String> {
+        of.finding([&names(&["X", "S"]), &names(&["D"])], losses)
+    }
+
     #[test]
     fn a_net_that_is_wrong_somewhere_is_described_in_plain_words() {
         let mut errors = vec![1e-6; 1000];
         errors[..13].fill(0.3);
-        let finding = judged(errors, 0.395).finding(&names(&["X", "S"]), &names(&["D"])).unwrap();
-        let said = finding.to_string();
+        let off = judged(errors, 0.395);
+        let said = finding(&off, None).unwrap();
         for part in [
             "1.3 % of [domain] is off by more than 1 % of a state's range after one step",
             "worst at X = 2.2, S = 0.4; D = 0.365, where S is to become 0.876 and the net says -0.31",
@@ -282,13 +260,12 @@ mod tests {
             assert!(said.contains(part), "no `{part}` in {said}");
         }
         assert!(said.ends_with("a larger net and more training."), "{said}");
-        let said = finding.clone().of_training(1e-6, 1.5e-6).to_string();
+        let said = finding(&off, Some((1e-6, 1.5e-6))).unwrap();
         assert!(said.contains("larger net: its loss is the same on fresh points"), "{said}");
-        assert!(finding.of_training(1e-6, 1e-3).to_string().ends_with("more training."));
+        assert!(finding(&off, Some((1e-6, 1e-3))).unwrap().ends_with("more training."));
         // Found by the search only.
-        let finding = judged(vec![1e-6], 0.395).finding(&names(&["X", "S"]), &names(&["D"]));
-        assert!(!finding.unwrap().to_string().contains("0 %"));
-        assert_eq!(judged(vec![1e-3], 0.02).finding(&names(&["X", "S"]), &names(&["D"])), None);
+        assert!(!finding(&judged(vec![1e-6], 0.395), None).unwrap().contains("0 %"));
+        assert_eq!(finding(&judged(vec![1e-3], 0.02), None), None);
     }
 
     #[test]
@@ -300,7 +277,7 @@ mod tests {
         assert!(read.max.is_nan() && read.rk4.two.is_nan());
         assert_eq!((read.max_at, read.share_off), (of.max_at.clone(), 1.0));
         // What is no number is no small error.
-        let said = of.finding(&names(&["X", "S"]), &names(&["D"])).unwrap().to_string();
+        let said = finding(&of, None).unwrap();
         assert!(said.contains("nothing that is a number"), "{said}");
     }
 }

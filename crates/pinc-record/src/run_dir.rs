@@ -5,8 +5,7 @@ use crate::files::{file, is_unfinished, json, remove_unfinished, write_atomicall
 use crate::lock::{LOCK, Lock, is_taken};
 use crate::metrics::{FileNote, Metrics};
 use crate::provenance::Provenance;
-use pinc_config::Experiment;
-use sha2::{Digest, Sha256};
+use pinc_config::{Experiment, sha256};
 use std::fs;
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
@@ -260,14 +259,9 @@ const DIGESTED: u64 = 1 << 26;
 /// What a file is, if it is there.
 fn note_of(path: &Path) -> Option<FileNote> {
     let bytes = fs::metadata(path).ok()?.len();
-    let digest = || fs::read(path).ok().map(|content| hexadecimal(&Sha256::digest(content)));
+    let digest = || fs::read(path).ok().map(sha256);
     let sha256 = if bytes > DIGESTED { None } else { Some(digest()?) };
     Some(FileNote { bytes, sha256 })
-}
-
-/// Bytes as hexadecimal digits.
-fn hexadecimal(bytes: &[u8]) -> String {
-    bytes.iter().map(|byte| format!("{byte:02x}")).collect()
 }
 
 /// Whether `dir` is empty or belongs to `experiment`.

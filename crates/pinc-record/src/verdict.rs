@@ -1,158 +1,100 @@
 //! Failures of closed loops, and advice about them.
 
-use crate::consistency::{self, EstimatorFinding};
+use crate::consistency;
 use crate::metrics::{ControlMetrics, Metrics, is_failure};
 use crate::violation::ViolationMetrics;
-use pinc_config::{ModelKind, TimeUnit};
+use pinc_config::TimeUnit;
 use pinc_mpc::SqpStatus;
 use std::fmt;
 
-/// Something that a reader of a run's results should know of its closed loops.
+/// Something that a reader of a run's results should know: what happened, and what to do next.
 #[derive(Debug, PartialEq)]
-enum LoopFinding {
-    /// Steps of the controller failed.
-    FailedSteps {
-        /// The model in the controller.
-        model: ModelKind,
-        /// How many.
-        failed: usize,
-        /// The number of steps.
-        steps: usize,
-        /// How most of them ended, in the words of [`SqpStatus`].
-        status: String,
-    },
-    /// A hard bound was broken.
-    BrokenBound {
-        /// The model in the controller.
-        model: ModelKind,
-        /// The bound, and by how much.
-        violation: ViolationMetrics,
-        /// The unit in which to show when.
-        time_unit: Option<TimeUnit>,
-    },
-    /// A controlled quantity did not reach some of its references.
-    NotReached {
-        /// The model in the controller.
-        model: ModelKind,
-        /// The quantity.
-        quantity: String,
-        /// How many references it missed.
-        missed: usize,
-        /// The number of references.
-        references: usize,
-        /// The largest offset, in the quantity's unit.
-        offset: f64,
-        /// When the reference of this offset begins, in s.
-        start_s: f64,
-        /// The unit in which to show that.
-        time_unit: Option<TimeUnit>,
-        /// A model of the same run with which this reference was reached.
-        reached_with: Option<ModelKind>,
-    },
-    /// A reference cannot be held.
-    NotHeld {
-        /// The model in the controller.
-        model: ModelKind,
-        /// The quantity.
-        quantity: String,
-        /// The nearest value that can be held.
-        nearest: f64,
-    },
-    /// Plans may be no minima.
-    CurvatureDropped {
-        /// The model in the controller.
-        model: ModelKind,
-        /// In how many steps.
-        dropped: usize,
-        /// The number of steps.
-        steps: usize,
-    },
-    /// The estimator is not what it takes itself for.
-    Estimator {
-        /// The model in the controller.
-        model: ModelKind,
-        /// What is wrong with it.
-        finding: EstimatorFinding,
-    },
+pub(crate) struct Finding {
+    what: String,
+    advice: String,
+}
+
+impl Finding {
+    pub(crate) fn new(what: String, advice: impl Into<String>) -> Self {
+        Self { what, advice: advice.into() }
+    }
+}
+
+impl fmt::Display for Finding {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{} {}", self.what, self.advice)
+    }
 }
 
 impl Metrics {
-    fn loop_findings(&self) -> Vec<LoopFinding> {
-        self.control.iter().flat_map(|of| self.findings_of(of)).collect()
-    }
-
     /// Returns what went wrong in the closed loops, with advice, which is given once for
     /// consecutive findings that share it.
     #[must_use]
     pub fn loop_notes(&self) -> Vec<String> {
-        let findings = self.loop_findings();
-        let note = |(place, finding): (usize, &LoopFinding)| {
-            let advice = finding.advice();
-            match findings.get(place + 1) {
-                Some(next) if next.advice() == advice => finding.what(),
-                _ => finding.to_string(),
-            }
+        let findings: Vec<Finding> = self.control.iter().flat_map(|of| self.findings(of)).collect();
+        let note = |(place, finding): (usize, &Finding)| match findings.get(place + 1) {
+            Some(next) if next.advice == finding.advice => finding.what.clone(),
+            _ => finding.to_string(),
         };
         findings.iter().enumerate().map(note).collect()
     }
 
-    fn findings_of(&self, of: &ControlMetrics) -> Vec<LoopFinding> {
-        let mut findings = Vec::new();
-        if of.failed_steps() > 0 {
-            let failures = of.status.iter().filter(|(status, _)| is_failure(status));
-            let most = failures.max_by_key(|(_, steps)| **steps);
-            findings.push(LoopFinding::FailedSteps {
-                model: of.model,
-                failed: of.failed_steps(),
-                steps: of.steps(),
-                status: most.map(|(status, _)| status.clone()).unwrap_or_default(),
-            });
-        }
-        if let Some(cost) = of.cost.as_ref().filter(|cost| cost.curvature_dropped > 0) {
-            findings.push(LoopFinding::CurvatureDropped {
-                model: of.model,
-                dropped: cost.curvature_dropped,
-                steps: of.steps(),
-            });
-        }
+    fn findings(&self, of: &ControlMetrics) -> Vec<Finding> {
+        let mut findings: Vec<Finding> =
+            failed_steps(of).into_iter().chain(curvature_dropped(of)).collect();
         let broken = of.violations.iter().filter(|violation| violation.is_noteworthy());
-        findings.extend(broken.map(|violation| LoopFinding::BrokenBound {
-            model: of.model,
-            violation: violation.clone(),
-            time_unit: self.time_unit,
-        }));
+        findings.extend(broken.map(|violation| broken_bound(violation, self.time_unit)));
         findings.extend(of.references.offset.keys().filter_map(|name| self.not_reached(of, name)));
-        let held = of.estimator.iter().flat_map(|estimator| &estimator.nearest_held);
-        findings.extend(held.map(|(quantity, nearest)| LoopFinding::NotHeld {
-            model: of.model,
-            quantity: quantity.clone(),
-            nearest: *nearest,
-        }));
-        let estimator =
-            of.estimator.iter().flat_map(|estimator| consistency::findings(estimator, of));
-        let finding = |finding| LoopFinding::Estimator { model: of.model, finding };
-        findings.extend(estimator.map(finding));
+        if let Some(estimator) = &of.estimator {
+            findings.extend(estimator.nearest_held.iter().map(not_held));
+            findings.extend(consistency::findings(estimator, of));
+        }
+        for finding in &mut findings {
+            finding.what = format!("With {} {}", of.model.title(), finding.what);
+        }
         findings
     }
 
-    fn not_reached(&self, of: &ControlMetrics, quantity: &str) -> Option<LoopFinding> {
-        let offsets = of.references.offset.get(quantity)?;
+    /// A controlled quantity that did not reach some of its references.
+    fn not_reached(&self, of: &ControlMetrics, quantity: &str) -> Option<Finding> {
+        let references = of.references.offset.get(quantity)?.len();
         let missed: Vec<(usize, f64)> = of.missed(quantity).collect();
         let &(segment, offset) = missed.iter().max_by(|a, b| a.1.total_cmp(&b.1))?;
-        let others = self.control.iter().filter(|other| other.model != of.model);
+        let offset = significant(offset);
+        let which = match references {
+            1 => format!("its reference: at the end it is {offset} off on average."),
+            _ => {
+                let start_s = of.references.reference_start_s.get(segment).copied();
+                let start = TimeUnit::shown(start_s.unwrap_or_default(), self.time_unit);
+                format!(
+                    "{} of its {references} references: it ends {offset} off on average with the \
+                     one from {start}.",
+                    missed.len()
+                )
+            }
+        };
+        let what = format!("{quantity} does not reach {which}");
         let reaches = |other: &&ControlMetrics| {
             let known = other.references.offset.get(quantity).and_then(|all| all.get(segment));
             known.is_some_and(Option::is_some) && other.missed(quantity).all(|(k, _)| k != segment)
         };
-        Some(LoopFinding::NotReached {
-            model: of.model,
-            quantity: quantity.to_owned(),
-            missed: missed.len(),
-            references: offsets.len(),
-            offset,
-            start_s: of.references.reference_start_s.get(segment).copied().unwrap_or_default(),
-            time_unit: self.time_unit,
-            reached_with: others.filter(reaches).map(|other| other.model).next(),
+        let mut others = self.control.iter().filter(|other| other.model != of.model);
+        Some(match others.find(reaches) {
+            Some(other) => {
+                let advice = format!(
+                    "With {} it does, so {} is not accurate enough there: use a larger net, more \
+                     training or more substeps, or a [domain] that holds the loop.",
+                    other.model.title(),
+                    of.model.title()
+                );
+                Finding::new(what, advice)
+            }
+            None => Finding::new(
+                what,
+                "Either no input within the bounds holds it (pinc check says which references are \
+                 steady states), or the time was too short, or the plant in the loop differs from \
+                 the model's plant.",
+            ),
         })
     }
 }
@@ -169,106 +111,58 @@ impl ControlMetrics {
     }
 }
 
-/// What happened, and what to do next.
-impl fmt::Display for LoopFinding {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{} {}", self.what(), self.advice())
-    }
+/// Steps of the controller that failed.
+fn failed_steps(of: &ControlMetrics) -> Option<Finding> {
+    let failures = of.status.iter().filter(|(status, _)| is_failure(status));
+    let (status, _) = failures.max_by_key(|(_, steps)| **steps)?;
+    let (failed, steps) = (of.failed_steps(), of.steps());
+    (failed > 0).then(|| {
+        let what =
+            format!("{failed} of {steps} control steps failed, most with the status {status}.");
+        Finding::new(what, advice(status))
+    })
 }
 
-impl LoopFinding {
-    fn what(&self) -> String {
-        match self {
-            Self::FailedSteps { model, failed, steps, status } => format!(
-                "With {} {failed} of {steps} control steps failed, most with the status {status}.",
-                model.title()
-            ),
-            Self::BrokenBound { model, violation, time_unit } => format!(
-                "With {} {} broke a hard bound {}: it was {}.",
-                model.title(),
-                violation.of,
-                match violation.is_between_steps() {
-                    true => "between control steps",
-                    false => "at control steps",
-                },
-                violation.shown(*time_unit)
-            ),
-            Self::NotReached {
-                model,
-                quantity,
-                missed,
-                references,
-                offset,
-                start_s,
-                time_unit,
-                ..
-            } => {
-                let which = match references {
-                    1 => format!(
-                        "its reference: at the end it is {} off on average.",
-                        significant(*offset)
-                    ),
-                    _ => format!(
-                        "{missed} of its {references} references: it ends {} off on \
-                         average with the one from {}.",
-                        significant(*offset),
-                        TimeUnit::shown(*start_s, *time_unit)
-                    ),
-                };
-                format!("With {} {quantity} does not reach {which}", model.title())
-            }
-            Self::CurvatureDropped { model, dropped, steps } => format!(
-                "With {} negative curvature of the cost was dropped in {dropped} of {steps} control \
-                 steps.",
-                model.title()
-            ),
-            Self::NotHeld { model, quantity, nearest } => format!(
-                "With {} the last reference of {quantity} cannot be held: {} is the nearest that \
-                 can.",
-                model.title(),
-                significant(*nearest)
-            ),
-            Self::Estimator { model, finding } => format!("With {} {finding}", model.title()),
-        }
-    }
+/// Plans that may be no minima.
+fn curvature_dropped(of: &ControlMetrics) -> Option<Finding> {
+    let dropped = of.cost.as_ref().map(|cost| cost.curvature_dropped).filter(|n| *n > 0)?;
+    let steps = of.steps();
+    Some(Finding::new(
+        format!(
+            "negative curvature of the cost was dropped in {dropped} of {steps} control steps."
+        ),
+        "Their plans meet the first-order conditions, but are not proven to be minima: weight \
+         moves of the inputs a little (r).",
+    ))
+}
 
-    fn advice(&self) -> String {
-        match self {
-            Self::FailedSteps { status, .. } => advice(status).to_owned(),
-            Self::BrokenBound { violation, .. } if violation.is_between_steps() => {
-                "The controller keeps bounds at the ends of its steps only: shorten T, or tighten \
-                 the bound by as much."
-                    .to_owned()
-            }
-            Self::BrokenBound { .. } => {
-                "The model predicted otherwise, or the steps failed: use a more accurate model, or \
-                 tighten the bound by as much."
-                    .to_owned()
-            }
-            Self::NotReached { model, reached_with: Some(other), .. } => format!(
-                "With {} it does, so {} is not accurate enough there: use a larger net, more \
-                 training or more substeps, or a [domain] that holds the loop.",
-                other.title(),
-                model.title()
-            ),
-            Self::NotReached { reached_with: None, .. } => {
-                "Either no input within the bounds holds it (pinc check says which references \
-                 are steady states), or the time was too short, or the plant in the loop \
-                 differs from the model's plant."
-                    .to_owned()
-            }
-            Self::CurvatureDropped { .. } => {
-                "Their plans meet the first-order conditions, but are not proven to be minima: \
-                 weight moves of the inputs a little (r)."
-                    .to_owned()
-            }
-            Self::NotHeld { .. } => {
-                "The bounds, the estimated disturbances and the other references leave no more."
-                    .to_owned()
-            }
-            Self::Estimator { finding, .. } => finding.advice().to_owned(),
-        }
-    }
+/// A hard bound that was broken.
+fn broken_bound(violation: &ViolationMetrics, time_unit: Option<TimeUnit>) -> Finding {
+    let (when, advice) = match violation.is_between_steps() {
+        true => (
+            "between control steps",
+            "The controller keeps bounds at the ends of its steps only: shorten T, or tighten the \
+             bound by as much.",
+        ),
+        false => (
+            "at control steps",
+            "The model predicted otherwise, or the steps failed: use a more accurate model, or \
+             tighten the bound by as much.",
+        ),
+    };
+    let (of, shown) = (&violation.of, violation.shown(time_unit));
+    Finding::new(format!("{of} broke a hard bound {when}: it was {shown}."), advice)
+}
+
+/// A reference that cannot be held, with the nearest value that can.
+fn not_held((quantity, nearest): (&String, &f64)) -> Finding {
+    let nearest = significant(*nearest);
+    Finding::new(
+        format!(
+            "the last reference of {quantity} cannot be held: {nearest} is the nearest that can."
+        ),
+        "The bounds, the estimated disturbances and the other references leave no more.",
+    )
 }
 
 /// A number with three significant digits.
@@ -310,6 +204,7 @@ pub fn advice(status: &str) -> &'static str {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use pinc_config::ModelKind;
     use serde_json::json;
     use std::collections::BTreeMap;
 
@@ -341,18 +236,13 @@ mod tests {
         let fine = [(SqpStatus::Converged, 30)];
         let net = of(ModelKind::Pinc, [Some(0.05), Some(0.3), Some(0.2)], &fine);
         let rk4 = of(ModelKind::RK4, [Some(0.05), Some(0.02), Some(0.2)], &fine);
-        let findings = metrics(vec![net, rk4]).loop_findings();
-        let [LoopFinding::NotReached { missed: 2, start_s, reached_with, .. }, other] =
-            &findings[..]
-        else {
-            panic!("{findings:?}");
+        let [first, second] = &metrics(vec![net, rk4]).loop_notes()[..] else {
+            panic!("two notes")
         };
-        assert_eq!((*start_s, *reached_with), (10.0, Some(ModelKind::RK4)));
-        assert!(findings[0].to_string().contains("0.300 off on average with the one from 10 s"));
-        let LoopFinding::NotReached { missed: 1, reached_with: None, .. } = other else {
-            panic!("{other:?}");
-        };
-        assert!(other.to_string().contains("pinc check"));
+        let said = "2 of its 3 references: it ends 0.300 off on average with the one from 10 s. \
+                    With RK4 it does,";
+        assert!(first.contains(said), "{first}");
+        assert!(second.contains("1 of its 3 references") && second.contains("pinc check"));
     }
 
     #[test]
@@ -480,7 +370,7 @@ mod tests {
         let status =
             [(SqpStatus::Converged, 5), (SqpStatus::Deadline, 4), (SqpStatus::Prepared, 3)];
         let all = metrics(vec![of(ModelKind::RK4, [None, None, Some(0.1)], &status)]);
-        assert_eq!(all.loop_findings(), []);
+        assert_eq!(all.loop_notes(), [""; 0]);
     }
 
     #[test]
@@ -491,12 +381,10 @@ mod tests {
             (SqpStatus::NumericalTrouble, 1),
         ];
         let all = metrics(vec![of(ModelKind::RK4, [None; 3], &status)]);
-        let findings = all.loop_findings();
-        let said = findings[0].to_string();
+        let [said] = &all.loop_notes()[..] else { panic!("one note") };
         assert!(said.starts_with(
             "With RK4 4 of 9 control steps failed, most with the status infeasible-qp."
         ));
         assert!(said.contains("state_softness"), "{said}");
-        assert_eq!(findings.len(), 1);
     }
 }

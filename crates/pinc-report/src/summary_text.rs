@@ -18,7 +18,7 @@ pub(crate) fn sentences(run: &Run) -> String {
         metrics.training.as_ref().map(training),
         metrics.validation.as_ref().map(validation),
         metrics.validation.as_ref().and_then(|of| over_the_domain(of, metrics)),
-        metrics.domain_finding().map(|finding| finding.to_string()),
+        metrics.domain_finding(),
         tracking(run, metrics),
         starts(run, metrics),
         speed(run, metrics),

@@ -1,10 +1,9 @@
 //! CSV files that users give: their columns by name, their cells as numbers.
 
-use crate::error::CsvProblem;
 use csv::StringRecord;
 
 /// Something wrong, and the line it is in.
-pub(super) type At = (u64, CsvProblem);
+pub(super) type At = (u64, String);
 
 /// A row and its line.
 pub(super) type Row = Result<(u64, StringRecord), At>;
@@ -22,38 +21,65 @@ pub(super) fn rows(text: &[u8]) -> Result<(StringRecord, impl Iterator<Item = Ro
 
 fn syntax(error: csv::Error) -> At {
     let line = error.position().map_or(1, csv::Position::line);
-    (line, CsvProblem::Syntax(error))
+    (line, format!("not a CSV file: {error}"))
 }
 
 /// Where each of `names` stands in a header, which has to have these and no others, each once.
-pub(super) fn places(header: &StringRecord, names: &[String]) -> Result<Vec<usize>, CsvProblem> {
+pub(super) fn places(header: &StringRecord, names: &[String]) -> Result<Vec<usize>, String> {
     for (i, column) in header.iter().enumerate() {
         let known = names.iter().any(|name| name == column);
         if !known || header.iter().take(i).any(|before| before == column) {
-            let column = column.to_owned();
-            return Err(CsvProblem::UnexpectedColumn { column, expected: names.join(",") });
+            let expected = names.join(",");
+            return Err(format!("column `{column}` is unexpected; expected {expected}, each once"));
         }
     }
-    let place = |name: &String| {
-        let (column, expected) = (name.clone(), names.join(","));
-        let missing = || CsvProblem::MissingColumn { column, expected };
-        header.iter().position(|column| column == name).ok_or_else(missing)
-    };
-    names.iter().map(place).collect()
+    names.iter().map(|name| place(header, name, names)).collect()
+}
+
+/// Where the column `name` stands in a header, which has to have all of `expected`.
+pub(super) fn place(
+    header: &StringRecord,
+    name: &str,
+    expected: &[String],
+) -> Result<usize, String> {
+    header
+        .iter()
+        .position(|column| column == name)
+        .ok_or_else(|| format!("column `{name}` is missing; expected {}", expected.join(",")))
 }
 
 /// Numbers in cells: the squares of larger ones are not finite.
 const LARGEST: f64 = 1e100;
 
 /// The number in a cell.
-pub(super) fn finite(cell: &str, column: &str) -> Result<f64, CsvProblem> {
+pub(super) fn finite(cell: &str, column: &str) -> Result<f64, String> {
     match cell.parse::<f64>() {
         Ok(value) if value.abs() <= LARGEST => Ok(value),
-        _ => Err(CsvProblem::Cell { column: column.to_owned(), found: cell.to_owned() }),
+        _ => Err(not_finite(cell, column)),
     }
 }
 
+/// A cell that is no finite number, or too large a one.
+pub(super) fn not_finite(cell: &str, column: &str) -> String {
+    format!("column `{column}`: `{cell}` given, expected a finite number up to 1e100")
+}
+
+/// Times that do not increase.
+pub(super) fn not_later(t: f64, previous: f64) -> String {
+    format!("column `t`: {t} s given, expected more than {previous} s, the scenario's row before")
+}
+
+/// A gap that would take too many steps to cross.
+pub(super) fn too_far(t: f64) -> String {
+    format!("column `t`: {t} s is more than a million steps of T after the scenario's row before")
+}
+
+/// A file with too few rows.
+pub(super) fn too_few_rows(rows: usize, least: usize) -> At {
+    (1, format!("{rows} rows of data, expected {least} or more below the header"))
+}
+
 /// The number in a cell that may be empty.
-pub(super) fn optional(cell: &str, column: &str) -> Result<Option<f64>, CsvProblem> {
+pub(super) fn optional(cell: &str, column: &str) -> Result<Option<f64>, String> {
     if cell.is_empty() { Ok(None) } else { finite(cell, column).map(Some) }
 }

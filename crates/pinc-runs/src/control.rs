@@ -196,19 +196,21 @@ fn run_model(
 ///
 /// # Errors
 ///
-/// [`RunError::FailedSteps`] if more control steps failed in a loop than the config allows.
+/// [`RunError::Failed`] if more control steps failed in a loop than the config allows.
 pub fn verdict(experiment: &Experiment, metrics: &Metrics) -> Result<(), RunError> {
     let Some(spec) = &experiment.control else { return Ok(()) };
     #[expect(clippy::cast_precision_loss, reason = "no run has 2^53 steps")]
     let share = |of: &ControlMetrics| of.failed_steps() as f64 / of.steps() as f64;
     match metrics.control.iter().find(|of| share(of) > spec.max_failed_share) {
         None => Ok(()),
-        Some(of) => Err(RunError::FailedSteps {
-            model: of.model,
-            failed: of.failed_steps(),
-            steps: of.steps(),
-            allowed: spec.max_failed_share,
-        }),
+        Some(of) => Err(RunError::Failed(format!(
+            "the loop with {} failed: {} of {} control steps failed, more than \
+             control.max_failed_share = {} allows; the results are kept",
+            of.model,
+            of.failed_steps(),
+            of.steps(),
+            spec.max_failed_share
+        ))),
     }
 }
 

@@ -1,8 +1,7 @@
 //! The files of `[data]`: measured trajectories, or measured steps.
 
-use super::columns::{At, Row, finite, optional, places, rows};
+use super::columns::{At, Row, finite, not_later, optional, places, rows};
 use crate::RunError;
-use crate::error::CsvProblem;
 use csv::StringRecord;
 use pinc_config::Variables;
 use pinc_net::{Measurements, Recorded};
@@ -82,7 +81,8 @@ fn steps(
         let number = |i: usize| finite(&row[places[i]], &names[i]).map_err(at);
         let t = number(0)?;
         if !(0.0..=sample_time_s * (1.0 + 1e-9)).contains(&t) {
-            return Err(at(CsvProblem::OutsideStep { t, sample_time_s }));
+            let expected = format!("from 0 to T = {sample_time_s} s");
+            return Err(at(format!("column `t`: {t} s given, expected {expected}")));
         }
         let u = (1..=m).map(number).collect::<Result<Vec<_>, _>>()?;
         let y0 = (1 + m..=m + n).map(number).collect::<Result<Vec<_>, _>>()?;
@@ -132,7 +132,7 @@ fn trajectories(
         if let Some(Recorded { t: previous, .. }) = recorded.last()
             && t <= *previous
         {
-            return Err(at(CsvProblem::Time { t, previous: *previous }));
+            return Err(at(not_later(t, *previous)));
         }
         recorded.push(Recorded { t, input, state });
     }

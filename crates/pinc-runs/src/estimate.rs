@@ -1,12 +1,11 @@
 //! `pinc estimate`: the estimator of a config over recorded data, from CSV to CSV.
 
 use super::chosen::ModelFile;
-use super::columns::{At, rows};
+use super::columns::{At, rows, too_few_rows};
 use super::control::LoopSetup;
 use super::feedback;
 use super::recorded::Columns;
 use crate::RunError;
-use crate::error::CsvProblem;
 use pinc_config::{Experiment, LoopParameters, ModelKind, Variables};
 use pinc_estimate::Estimator;
 use pinc_record::{EstimateRow, EstimateTable, StepTimes, read_file, write_atomically};
@@ -209,7 +208,8 @@ fn run(
         if let Some((t, _)) = &before
             && (row.t - t - sample_time_s).abs() > 1e-6 * sample_time_s
         {
-            let problem = CsvProblem::Spacing { t: row.t, previous: *t, sample_time_s };
+            let given = format!("{} s after {t} s given", row.t);
+            let problem = format!("column `t`: {given}, expected steps of T = {sample_time_s} s");
             return Err((line, problem));
         }
         let clock = Instant::now();
@@ -240,7 +240,7 @@ fn run(
         before = Some((row.t, row.u));
     }
     match run.rows.len() {
-        0 => Err((1, CsvProblem::TooFewRows { rows: 0, least: 1 })),
+        0 => Err(too_few_rows(0, 1)),
         _ => Ok(run),
     }
 }

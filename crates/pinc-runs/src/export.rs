@@ -6,7 +6,7 @@ use super::proof::certificate;
 use super::shared_library::shared_library;
 use super::{chainable, parse_model, read_matching_model};
 use crate::RunError;
-use pinc_config::{EstimatorKind, Experiment, ModelKind, OnError, Variables};
+use pinc_config::{EstimatorKind, Experiment, ModelKind, OnError, Variables, sha256};
 use pinc_estimate::{Augmentation, Tuning};
 use pinc_export::{
     Controller, ErrorGuard, ErrorResponse, Estimation, ExportError, Filter, FmiVersion,
@@ -17,8 +17,6 @@ use pinc_mpc::{Nmpc, NmpcProblem};
 use pinc_net::PincNet;
 use pinc_ode::{DynPlant, Integrator};
 use pinc_record::{RecordError, read_file, write_atomically};
-use sha2::{Digest, Sha256};
-use std::fmt::Write as _;
 use std::fs;
 use std::path::{Path, PathBuf};
 
@@ -347,16 +345,6 @@ fn fmu(
     }
     let bytes = pinc_export::archive(&content)?;
     Ok(GeneratedFile { path: format!("{}.fmu", name.as_str()), bytes })
-}
-
-/// SHA-256 in hexadecimal digits.
-pub(super) fn sha256(bytes: &[u8]) -> String {
-    let digest = Sha256::digest(bytes);
-    digest.iter().fold(String::new(), |mut text, byte| {
-        // Writing to a String does not fail.
-        let _ = write!(text, "{byte:02x}");
-        text
-    })
 }
 
 fn write(

@@ -40,8 +40,11 @@ impl<'n> Guard<'n> {
                 continue;
             }
             if self.policy == OutsidePolicy::Refuse {
-                let variable = name.to_owned();
-                return Err(RunError::OutsideDomain { variable, excess, low, high });
+                return Err(RunError::Failed(format!(
+                    "the net would be used outside its training domain: {name} is {excess:.3} \
+                     beyond {low} to {high}; train on a larger [domain], or continue with \
+                     outside_domain = \"report\""
+                )));
             }
             outside = true;
             let of = self

@@ -1,10 +1,9 @@
 //! `pinc identify`: parameters and initial states from recorded data.
 
-use super::columns::rows;
+use super::columns::{not_later, rows, too_far, too_few_rows};
 use super::recorded::{Columns, DataRow};
 use super::{Options, rebuild_report};
 use crate::RunError;
-use crate::error::CsvProblem;
 use crate::horizon::outputs;
 use crate::invocation::invocation;
 use pinc_config::{
@@ -158,12 +157,12 @@ fn read(path: &Path, variables: &Variables, measured: &[String]) -> Result<Rows,
         if let Some((_, before)) = all.last()
             && row.t <= before.t
         {
-            return Err(at((line, CsvProblem::Time { t: row.t, previous: before.t })));
+            return Err(at((line, not_later(row.t, before.t))));
         }
         all.push((line, row));
     }
     if all.len() < 2 {
-        return Err(at((1, CsvProblem::TooFewRows { rows: all.len(), least: 2 })));
+        return Err(at(too_few_rows(all.len(), 2)));
     }
     Ok(all)
 }
@@ -224,11 +223,14 @@ fn filled(path: &Path, rows: &Rows, sample_time_s: f64) -> Result<Recorded, RunE
             let at = |problem| RunError::Csv { path: path.to_owned(), line: *line, problem };
             let steps = (row.t - before.t) / sample_time_s;
             if steps > LONGEST_GAP {
-                return Err(at(CsvProblem::Gap { t: row.t }));
+                return Err(at(too_far(row.t)));
             }
             if (steps - steps.round()).abs() > 1e-6 * steps.max(1.0) || steps.round() < 1.0 {
-                let (t, previous) = (row.t, before.t);
-                return Err(at(CsvProblem::Grid { t, previous, sample_time_s }));
+                return Err(at(format!(
+                    "column `t`: {} s after {} s given, expected a whole number of steps of T = \
+                     {sample_time_s} s; identify.step_s sets T for integrators",
+                    row.t, before.t
+                )));
             }
             for k in (1..).map(f64::from).take_while(|k| *k < steps.round()) {
                 all.u.extend(&before.u);

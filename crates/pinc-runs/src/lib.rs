@@ -61,7 +61,7 @@ pub use chosen::ModelFile;
 use control::Schedules;
 pub use control::{LoopSetup, verdict};
 pub use domain_error::proven_net_error;
-pub use error::{CsvProblem, RunError};
+pub use error::RunError;
 pub use estimate::{ConfigEstimator, Estimated, estimate, estimator};
 pub use export::{Target, export_controller, export_controller_with, export_net, export_plant};
 pub use identify::identify;

@@ -7,8 +7,7 @@ use super::guard::Guard;
 use super::model_error::{self, SharedLog};
 use crate::RunError;
 use crate::clock::Deadline;
-use crate::export::sha256;
-use pinc_config::{ControlSpec, Experiment, ModelKind, Variables};
+use pinc_config::{ControlSpec, Experiment, ModelKind, Variables, sha256};
 use pinc_estimate::{Augmentation, Estimator, EstimatorStatus, SteadyTarget, state_covariance};
 use pinc_mpc::{BoundSchedule, Memory, Nmpc, Reference, SqpStatus, Trust};
 use pinc_ode::DynPlant;
@@ -304,7 +303,7 @@ impl LiveController {
     ///
     /// [`RunError::Usage`] if an argument is of a wrong length, a reference is not finite, or
     /// `u_applied` is not finite or beyond the input's bounds: nothing has happened then.
-    /// [`RunError::OutsideDomain`] if the step takes a net out of its domain and
+    /// [`RunError::Failed`] if the step takes a net out of its domain and
     /// the config refuses that.
     pub fn step(
         &mut self,

@@ -2,10 +2,9 @@
 
 use super::chain::Chain;
 use super::chained_error::ChainedError;
-use super::columns::{At, finite, optional, places, rows};
+use super::columns::{finite, not_finite, not_later, optional, places, rows, too_far};
 use super::guard::Guard;
 use crate::RunError;
-use crate::error::CsvProblem;
 use csv::StringRecord;
 use pinc_config::{Experiment, OutsidePolicy};
 use pinc_net::{PincNet, TrainingTarget};
@@ -32,8 +31,8 @@ use std::path::Path;
 /// # Errors
 ///
 /// [`RunError`], naming file, line and column of what is wrong with the input;
-/// [`RunError::NotFinite`] if a state is no number;
-/// [`RunError::OutsideDomain`] if `policy` is to refuse that.
+/// [`RunError::Failed`] if a state is no number, or the net was asked outside its training domain
+/// and `policy` is to refuse that.
 pub fn predict(
     model: &Path,
     inputs: &Path,
@@ -81,7 +80,7 @@ fn run(
     text: &[u8],
     (guard, mut errors): (&mut Guard<'_>, Option<&mut ChainedError>),
 ) -> Result<CsvText, RunError> {
-    let at = |(line, problem): At| RunError::Csv { path: path.to_owned(), line, problem };
+    let at = |(line, problem)| RunError::Csv { path: path.to_owned(), line, problem };
     let (header, rows) = rows(text).map_err(at)?;
     let columns = Columns::find(net, &header).map_err(|problem| at((1, problem)))?;
     let estimates =
@@ -98,8 +97,13 @@ fn run(
         let both = state.map_err(|problem| at((line, problem)))?;
         let (state, error) = both.split_at(net.state_names().len());
         if let Some(i) = state.iter().position(|value| !value.is_finite()) {
-            let (variable, value) = (net.state_names()[i].clone(), state[i]);
-            return Err(RunError::NotFinite { path: path.to_owned(), line, variable, value });
+            return Err(RunError::Failed(format!(
+                "{}:{line}: the net's {} is {} at this row; the inputs or the initial state are \
+                 too large for it, or the net is damaged",
+                path.display(),
+                net.state_names()[i],
+                state[i]
+            )));
         }
         let (u, p) = row.inputs.split_at(net.input_names().len());
         guard.look(state, u, p)?;
@@ -116,10 +120,12 @@ fn begin_chain(
     columns: &Columns,
     row: &InputRow<'_>,
     with_error: bool,
-) -> Result<Vec<f64>, CsvProblem> {
-    let state = row.states.iter().zip(&columns.states).map(|(value, (_, name))| {
-        value.ok_or_else(|| CsvProblem::Cell { column: name.clone(), found: String::new() })
-    });
+) -> Result<Vec<f64>, String> {
+    let state = row
+        .states
+        .iter()
+        .zip(&columns.states)
+        .map(|(value, (_, name))| value.ok_or_else(|| not_finite("", name)));
     let mut state = state.collect::<Result<Vec<_>, _>>()?;
     // The initial state is given.
     state.resize(if with_error { 2 * state.len() } else { state.len() }, 0.0);
@@ -134,13 +140,13 @@ fn continue_chain(
     chain: &mut Chain,
     row: &InputRow<'_>,
     mut errors: Option<&mut ChainedError>,
-) -> Result<Vec<f64>, CsvProblem> {
+) -> Result<Vec<f64>, String> {
     let previous = chain.time();
     if row.t <= previous {
-        return Err(CsvProblem::Time { t: row.t, previous });
+        return Err(not_later(row.t, previous));
     }
     if !chain.reaches(row.t) {
-        return Err(CsvProblem::Gap { t: row.t });
+        return Err(too_far(row.t));
     }
     let mut step = |t, both: &[f64], held: &[f64]| {
         let (u, p) = held.split_at(net.input_names().len());
@@ -153,7 +159,12 @@ fn continue_chain(
     };
     let sample = chain.advance(&mut step, row.t, &row.inputs);
     if net.source() == TrainingTarget::Integrator && !sample.mark {
-        return Err(CsvProblem::BetweenSteps { t: row.t, sample_time_s: net.sample_time_s() });
+        return Err(format!(
+            "column `t`: {} s lies between steps of {} s, of which a net distilled from an \
+             integrator knows nothing; expected times on step marks",
+            row.t,
+            net.sample_time_s()
+        ));
     }
     Ok(sample.state)
 }
@@ -177,7 +188,7 @@ struct InputRow<'a> {
 }
 
 impl Columns {
-    fn find(net: &PincNet, header: &StringRecord) -> Result<Self, CsvProblem> {
+    fn find(net: &PincNet, header: &StringRecord) -> Result<Self, String> {
         let fixed = ["scenario".to_owned(), "t".to_owned()];
         let mut held = net.input_names().to_vec();
         held.extend(net.parameter_names().map(str::to_owned));
@@ -188,7 +199,7 @@ impl Columns {
         Ok(Self { scenario, t, inputs, states: named.collect() })
     }
 
-    fn read<'a>(&self, cells: &'a StringRecord) -> Result<InputRow<'a>, CsvProblem> {
+    fn read<'a>(&self, cells: &'a StringRecord) -> Result<InputRow<'a>, String> {
         let states = self.states.iter().map(|(place, name)| optional(&cells[*place], name));
         let inputs = self.inputs.iter().map(|(place, name)| finite(&cells[*place], name));
         Ok(InputRow {

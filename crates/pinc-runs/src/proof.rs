@@ -1,10 +1,10 @@
 //! Training until the error of a step is proven, and the certificate of it in the model file.
 
 use crate::RunError;
-use crate::certify::{ends, hash, variables};
+use crate::certify::{ends, variables};
 use crate::progress::{Stage, Verbosity};
 use pinc_check::step_error;
-use pinc_config::{Experiment, NetErrorSpec};
+use pinc_config::{Experiment, NetErrorSpec, sha256};
 use pinc_net::{PincNet, Points};
 use pinc_record::ByName;
 use pinc_verify::{Bracket, Search, SearchSettings, StepError, StepModel};
@@ -69,7 +69,7 @@ fn net_error(
 pub(crate) fn equation(experiment: &Experiment, net: &PincNet) -> Option<String> {
     let varying: Vec<&str> = net.parameter_names().collect();
     let listing = experiment.plant.equations()?.listing(&varying).ok()?;
-    Some(hash(format!("{listing:?}").as_bytes()))
+    Some(sha256(format!("{listing:?}")))
 }
 
 /// A tolerance per state of the net; infinite for states that are not named.
@@ -100,10 +100,7 @@ pub(crate) fn attempt(
     let settings =
         SearchSettings { tolerance: Some(tolerance.to_vec()), ..SearchSettings::default() };
     let found = Search::new(&error, &domain, settings, threads);
-    let mut search = found.map_err(|error| RunError::NotProven {
-        name: experiment.name.clone(),
-        reason: error.to_string(),
-    })?;
+    let mut search = found.map_err(|error| not_proven(experiment, &error.to_string()))?;
     let is_near = |bracket: &Bracket| {
         let mut pairs = bracket.found.iter().zip(tolerance);
         pairs.any(|(found, most)| found.error > MARGIN * most)
@@ -168,7 +165,7 @@ pub(crate) fn worst_points(
 fn hash_of(net: &PincNet) -> String {
     let mut bare = net.clone();
     bare.certificate = None;
-    hash(&bare.to_bytes())
+    sha256(bare.to_bytes())
 }
 
 /// `net` with a certificate.
@@ -231,6 +228,11 @@ pub(crate) fn check_ahead(
         return Err(refused(experiment, "it needs training.proven_tolerance"));
     }
     limits(experiment, given).map(|_| ())
+}
+
+/// The error that a net is not proven to be within `training.proven_tolerance`.
+pub(crate) fn not_proven(experiment: &Experiment, reason: &str) -> RunError {
+    RunError::Failed(format!("{}: training.proven_tolerance: {reason}", experiment.name))
 }
 
 /// The error of a step of `net`, by state in its unit, that `net_error = "proven"` takes from its

@@ -1,7 +1,6 @@
 //! Recorded data: the columns `t`, the inputs, and `y_` with the name of what is measured.
 
-use super::columns::{finite, optional};
-use crate::error::CsvProblem;
+use super::columns::{finite, optional, place};
 use csv::StringRecord;
 use pinc_config::Variables;
 
@@ -26,19 +25,14 @@ impl Columns {
         header: &StringRecord,
         variables: &Variables,
         measured: &[String],
-    ) -> Result<Self, CsvProblem> {
+    ) -> Result<Self, String> {
         let inputs = variables.input_names();
         let measured: Vec<_> = measured.iter().map(|name| format!("y_{name}")).collect();
-        let expected = [&["t".to_owned()][..], &inputs, &measured].concat().join(",");
-        let place = |name: &String| {
-            let column = header.iter().position(|column| column == name);
-            let missing =
-                || CsvProblem::MissingColumn { column: name.clone(), expected: expected.clone() };
-            Ok((column.ok_or_else(missing)?, name.clone()))
-        };
-        let all = |names: &[String]| names.iter().map(place).collect::<Result<Vec<_>, _>>();
+        let expected = [&["t".to_owned()][..], &inputs, &measured].concat();
+        let column = |name: &String| Ok((place(header, name, &expected)?, name.clone()));
+        let all = |names: &[String]| names.iter().map(column).collect::<Result<Vec<_>, String>>();
         Ok(Self {
-            t: place(&"t".to_owned())?.0,
+            t: place(header, "t", &expected)?,
             inputs: all(&inputs)?,
             measured: all(&measured)?,
             states: all(&variables.state_names()).ok(),
@@ -50,7 +44,7 @@ impl Columns {
         Self { states: None, ..self }
     }
 
-    pub(super) fn read(&self, cells: &StringRecord) -> Result<DataRow, CsvProblem> {
+    pub(super) fn read(&self, cells: &StringRecord) -> Result<DataRow, String> {
         let number = |(place, name): &(usize, String)| finite(&cells[*place], name);
         let measurement = |(place, name): &(usize, String)| match &cells[*place] {
             "NaN" | "nan" | "NAN" => Ok(f64::NAN),
@@ -59,8 +53,8 @@ impl Columns {
         let truth = self.states.as_ref().map(|states| states.iter().map(number).collect());
         Ok(DataRow {
             t: finite(&cells[self.t], "t")?,
-            u: self.inputs.iter().map(number).collect::<Result<_, _>>()?,
-            y: self.measured.iter().map(measurement).collect::<Result<_, _>>()?,
+            u: self.inputs.iter().map(number).collect::<Result<_, String>>()?,
+            y: self.measured.iter().map(measurement).collect::<Result<_, String>>()?,
             truth: truth.transpose()?,
         })
     }

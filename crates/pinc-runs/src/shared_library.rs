@@ -14,7 +14,7 @@ const KNOWN: bool = cfg!(all(target_os = "linux", target_arch = "x86_64"));
 ///
 /// # Errors
 ///
-/// [`RunError::NoBinary`] if there is no compiler `cc`, or it fails.
+/// [`RunError::Usage`] if there is no compiler `cc`, or it fails.
 pub(super) fn shared_library(
     content: &[GeneratedFile],
     name: &Name,
@@ -42,11 +42,18 @@ pub(super) fn shared_library(
     }
     let binary = format!("{}.so", name.as_str());
     let ended = command.args(["-lm", "-o", &binary]).current_dir(dir).output();
-    let output = ended.map_err(|error| RunError::NoBinary { reason: error.to_string() })?;
+    let failed = |reason: String| {
+        let problem = format!(
+            "the FMU was not written, since the C compiler `cc` failed: {reason}; install a C \
+             compiler, such as the package `gcc`"
+        );
+        RunError::usage("export", problem)
+    };
+    let output = ended.map_err(|error| failed(error.to_string()))?;
     if !output.status.success() {
         let said = String::from_utf8_lossy(&output.stderr);
         let first = said.lines().find(|line| line.contains("error")).unwrap_or_default();
-        return Err(RunError::NoBinary { reason: format!("{}: {first}", output.status) });
+        return Err(failed(format!("{}: {first}", output.status)));
     }
     let bytes = read_file(&dir.join(&binary))?;
     Ok(Some(GeneratedFile { path: format!("binaries/{platform}/{binary}"), bytes }))

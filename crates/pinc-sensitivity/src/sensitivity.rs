@@ -5,7 +5,7 @@ use crate::data::{Given, Layout, ProblemDerivative};
 use crate::entries::{self, ByParameters, Conditions, Entries};
 use crate::limits::{Limit, Smoothed, rows};
 use crate::system::{KktSystem, Places};
-use pinc_mpc::{Constraint, MpcError, Nmpc, Program, Solution, Tracked};
+use pinc_mpc::{Constraint, MpcError, Nmpc, Program, Solution, Tracked, check_finite};
 use pinc_qp::{Kind, Multipliers, OcpDims, Qp, Row, all_finite};
 use std::fmt;
 
@@ -511,18 +511,4 @@ fn check_gradient(field: &'static str, values: &[f64], most: usize) -> Result<()
         return Err(MpcError::Range { field, low: 0, high: most, found });
     }
     check_finite(field, values, found)
-}
-
-/// Whether `values` has `expected` entries, all finite.
-fn check_finite(field: &'static str, values: &[f64], expected: usize) -> Result<(), MpcError> {
-    let found = values.len();
-    if found != expected {
-        return Err(MpcError::Length { field, expected, found });
-    }
-    match values.iter().position(|value| !value.is_finite()) {
-        None => Ok(()),
-        Some(index) => {
-            Err(MpcError::Number { field, index, expected: "finite", value: values[index] })
-        }
-    }
 }

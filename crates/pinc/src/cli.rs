@@ -482,7 +482,10 @@ fn run_all(
     }
     match failed {
         0 => Ok(()),
-        failed => Err(RunError::FailedRuns { failed, runs: all.len() }),
+        failed => Err(RunError::Failed(format!(
+            "{failed} of {} experiments failed; their errors are above",
+            all.len()
+        ))),
     }
 }
 

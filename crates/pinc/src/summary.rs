@@ -4,7 +4,7 @@ use pinc_config::ModelKind;
 use pinc_net::TrainingTarget;
 use pinc_record::metric::{self, Metric, Show};
 use pinc_record::{Metrics, RunDir, file};
-use std::fmt::Write;
+use std::fmt::{Display, Write};
 
 /// The metrics of a run, and where its report is, for reading.
 #[must_use]
@@ -103,19 +103,15 @@ fn metrics(text: &mut String, metrics: &Metrics) -> std::fmt::Result {
         let numbers = row(&|of, _, show| shown(of.of_loop(run), show));
         let status: Vec<_> = run.status.iter().map(|(name, n)| format!("{n} {name}")).collect();
         writeln!(text, "  {model:<10}{numbers}   {}", status.join(", "))?;
-        if let Some(found) = run.outside_domain.as_ref().filter(|found| found.outside > 0) {
-            writeln!(text, "             {found}")?;
-        }
-        if let Some(found) = &run.model_error {
-            writeln!(text, "             {found}")?;
-        }
-        if let Some(found) = &run.tube {
-            writeln!(text, "             {found}")?;
-        }
-        if let Some(found) = &run.cost {
-            writeln!(text, "             {found}")?;
-        }
-        if let Some(found) = &run.start {
+        let outside = run.outside_domain.as_ref().filter(|found| found.outside > 0);
+        let found: [Option<&dyn Display>; 5] = [
+            outside.map(|of| of as _),
+            run.model_error.as_ref().map(|of| of as _),
+            run.tube.as_ref().map(|of| of as _),
+            run.cost.as_ref().map(|of| of as _),
+            run.start.as_ref().map(|of| of as _),
+        ];
+        for found in found.into_iter().flatten() {
             writeln!(text, "             {found}")?;
         }
     }

@@ -2,6 +2,7 @@
 
 use super::{Scalar, Simd, TABLE_SIZE, low_bits};
 use crate::lanes::functions_by_lane;
+use crate::scalar::without_derivatives;
 use std::arch::x86_64::*;
 use std::fmt;
 use std::ops::{Add, Div, Mul, Neg, Sub};
@@ -85,19 +86,10 @@ impl Neg for F64x2 {
 }
 
 impl Scalar for F64x2 {
-    type Plain = Self;
-    const ORDER: usize = 0;
+    without_derivatives!();
     #[inline(always)]
     fn all_nonpositive(self) -> bool {
         sse2!(_mm_movemask_pd(self.nonpositive())) == 0b11
-    }
-    #[inline(always)]
-    fn plain(self) -> Self {
-        self
-    }
-    #[inline(always)]
-    fn constants(self, value: Self) -> Self {
-        value
     }
     #[inline(always)]
     fn constant(self, value: f64) -> Self {

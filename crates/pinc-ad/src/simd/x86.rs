@@ -2,6 +2,7 @@
 
 use super::parts::FloatParts;
 use super::{PLACE_BITS, Scalar, Simd, TABLE_SIZE, Task, Work, low_bits};
+use crate::scalar::without_derivatives;
 use std::arch::x86_64::*;
 use std::fmt;
 use std::ops::{Add, Div, Mul, Neg, Sub};
@@ -67,19 +68,10 @@ macro_rules! vector {
         }
 
         impl Scalar for $V {
-            type Plain = Self;
-            const ORDER: usize = 0;
+            without_derivatives!();
             #[inline(always)]
             fn all_nonpositive(self) -> bool {
                 self.are_nonpositive()
-            }
-            #[inline(always)]
-            fn plain(self) -> Self {
-                self
-            }
-            #[inline(always)]
-            fn constants(self, value: Self) -> Self {
-                value
             }
             #[inline(always)]
             fn constant(self, value: f64) -> Self {

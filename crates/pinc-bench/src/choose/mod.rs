@@ -97,11 +97,14 @@ fn nothing(name: &str, found: &SearchResult) -> RunError {
         }
     };
     let reasons: Vec<String> = found.tried.iter().map(reason).collect();
-    RunError::NothingToChoose {
-        name: name.to_owned(),
-        out_of_time: found.is_out_of_time,
-        reasons: reasons.join("; "),
-    }
+    let so_far = match found.is_out_of_time {
+        true => " so far (the time was up; --budget-s gives more)",
+        false => "",
+    };
+    RunError::Failed(format!(
+        "{name}: no model can be chosen, since no loop succeeded that others could be compared with{so_far}: {}",
+        reasons.join("; ")
+    ))
 }
 
 /// Makes a sweep of all loops that came to their end, with its tables and its report, and returns

@@ -115,7 +115,10 @@ pub fn wait(dir: &Path, plants: &Plants, options: &Options<'_>) -> Result<(), Ru
     let mut stage = Stage::begin(options.verbosity, "trials", first.counts.trials as u64);
     while !queued(&dir.join(FOLDER))?.is_empty() {
         if options.interrupt.load(std::sync::atomic::Ordering::Relaxed) {
-            return Err(RunError::StillQueued { dir: dir.to_owned() });
+            return Err(RunError::Failed(format!(
+                "the jobs continue; `pinc status {}` shows their progress",
+                dir.display()
+            )));
         }
         let now: Status = status(dir, plants)?;
         let over = now.counts.done + now.counts.failed;
@@ -197,7 +200,13 @@ fn quoted(path: &Path) -> String {
 fn refuse_while_queued(folder: &Path) -> Result<(), RunError> {
     match &queued(folder)?[..] {
         [] => Ok(()),
-        numbers => Err(RunError::Queued { numbers: numbers.join(" ") }),
+        numbers => {
+            let numbers = numbers.join(" ");
+            Err(RunError::Failed(format!(
+                "jobs of this sweep are still in Slurm's queue: {numbers}; wait for them, or run \
+                 `scancel {numbers}` first; finished trials are kept"
+            )))
+        }
     }
 }
 
@@ -220,7 +229,11 @@ pub(crate) fn queue_in_words(dir: &Path) -> Result<Option<String>, RunError> {
 
 /// What a program says.
 fn said_by(program: &str, arguments: &[&std::ffi::OsStr]) -> Result<String, RunError> {
-    let failed = |said: String| RunError::Slurm { program: program.to_owned(), said };
+    let failed = |said: String| {
+        RunError::Failed(format!(
+            "{program}: {said}; --dry-run writes the scripts without submitting them"
+        ))
+    };
     let output = Command::new(program).args(arguments).output();
     let output = output.map_err(|error| failed(error.to_string()))?;
     let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).trim().to_owned();

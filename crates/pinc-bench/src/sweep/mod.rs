@@ -75,7 +75,7 @@ pub fn clear(experiment: &Experiment, dir: &Path) -> Result<(), RunError> {
 ///
 /// # Errors
 ///
-/// [`RunError`] if the sweep could not continue, and [`RunError::FailedTrials`] if it did but
+/// [`RunError`] if the sweep could not continue, and [`RunError::Failed`] if it did but
 /// trials failed.
 pub fn sweep(
     experiment: &Experiment,
@@ -130,7 +130,7 @@ fn made(experiment: &Experiment) -> Result<Vec<Trial>, RunError> {
 /// # Errors
 ///
 /// [`RunError`] if a directory holds no sweep or one of another config, or a file cannot be
-/// copied; and [`RunError::FailedTrials`] as for [`sweep`].
+/// copied; and [`RunError::Failed`] as for [`sweep`].
 pub fn merge(
     parts: &[PathBuf],
     dir: &Path,
@@ -354,7 +354,10 @@ impl<'a> Session<'a> {
         if counts.failed > 0 {
             let SweepMetrics { trials, failed, .. } = counts;
             let table = self.run_dir.path(file::SWEEP);
-            return Err(RunError::FailedTrials { failed, trials, table });
+            return Err(RunError::Failed(format!(
+                "{failed} of {trials} trials failed; {} says which and why",
+                table.display()
+            )));
         }
         Ok(self.run_dir.released())
     }

@@ -33,11 +33,7 @@ impl File {
             "zero-order" => false,
             other => {
                 let known = ["linear", "zero-order"].map(str::to_owned).to_vec();
-                let (found, nearest) = (other.to_owned(), nearest(other, &known));
-                return Err((
-                    format!("{path}.interpolation"),
-                    Problem::Word { found, known, nearest },
-                ));
+                return Err((format!("{path}.interpolation"), Problem::word(other, &known)));
             }
         };
         let name = given.get("file").and_then(Value::as_str).unwrap_or_default();

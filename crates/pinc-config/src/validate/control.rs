@@ -1,12 +1,11 @@
 //! Checks of `[control]`.
 
 use super::values::{
-    CONTROLLED, at_least_one, bounds, length, named_tolerances, positive, tolerance, value,
-    wrong_length,
+    CONTROLLED, at_least_one, bounds, each, length, named_tolerances, names, not_negative,
+    positive, tolerance, value, wrong_length,
 };
 use super::{Checked, Problem, cost, plant};
 use crate::plants::Plants;
-use crate::problem::nearest;
 use crate::registry::Variables;
 use crate::{ControlSpec, ModelKind, OnError};
 use pinc_mpc::{MpcError, Softness, Weight};
@@ -34,15 +33,10 @@ pub(super) fn closed_loop(spec: &ControlSpec, variables: &Variables, plants: &Pl
     terminal
         .map_or(Ok(()), |q| weights("control.q_terminal", q, spec.controlled.len(), CONTROLLED))?;
     input_differences(spec, inputs)?;
-    bounds("control.input", &spec.input_low, &spec.input_high, inputs, "input")?;
-    for (key, side) in [("state_low", &spec.state_low), ("state_high", &spec.state_high)] {
-        if let Some(side) = side {
-            length(&format!("control.{key}"), side, states, "state")?;
-        }
-    }
-    if let (Some(low), Some(high)) = (&spec.state_low, &spec.state_high) {
-        bounds("control.state", low, high, states, "state")?;
-    }
+    let sides = [&spec.input_low, &spec.input_high].map(|side| Some(&side[..]));
+    bounds("control.input_", sides, inputs, "input")?;
+    let sides = [spec.state_low.as_deref(), spec.state_high.as_deref()];
+    bounds("control.state_", sides, states, "state")?;
     output_bounds(spec, variables)?;
     close_ups(spec)?;
     error_tolerance(spec, variables)?;
@@ -67,18 +61,14 @@ pub(super) fn closed_loop(spec: &ControlSpec, variables: &Variables, plants: &Pl
 
 fn output_bounds(spec: &ControlSpec, variables: &Variables) -> Checked {
     let outputs = variables.own_outputs().len();
-    for (key, side) in [("output_low", &spec.output_low), ("output_high", &spec.output_high)] {
-        let Some(side) = side else { continue };
-        let key = format!("control.{key}");
-        if outputs == 0 {
+    let sides = [spec.output_low.as_deref(), spec.output_high.as_deref()];
+    for (key, side) in ["low", "high"].into_iter().zip(sides) {
+        if let Some(side) = side.filter(|_| outputs == 0) {
             let expected = "no such key: the plant has no outputs that are not states";
-            return value(&key, format!("{side:?}"), expected);
+            return value(&format!("control.output_{key}"), format!("{side:?}"), expected);
         }
-        length(&key, side, outputs, "output")?;
     }
-    if let (Some(low), Some(high)) = (&spec.output_low, &spec.output_high) {
-        bounds("control.output", low, high, outputs, "output")?;
-    }
+    bounds("control.output_", sides, outputs, "output")?;
     if let Softness::Penalty(weights) = &spec.output_softness {
         length("control.output_softness.penalty", weights, outputs, "output")?;
     }
@@ -115,10 +105,7 @@ fn verdict(spec: &ControlSpec) -> Checked {
     }
     let Some(within) = &spec.settled_within else { return Ok(()) };
     length("control.settled_within", within, spec.controlled.len(), CONTROLLED)?;
-    for (i, &near) in within.iter().enumerate() {
-        positive(&format!("control.settled_within[{i}]"), near)?;
-    }
-    Ok(())
+    each("control.settled_within", within, positive)
 }
 
 fn models(spec: &ControlSpec) -> Checked {
@@ -148,17 +135,7 @@ fn controlled(spec: &ControlSpec, variables: &Variables) -> Checked {
     let mut known = variables.state_names();
     known.extend(variables.own_output_names());
     known.extend(variables.input_names());
-    for (i, name) in spec.controlled.iter().enumerate() {
-        let key = format!("control.controlled[{i}]");
-        if !known.contains(name) {
-            let nearest = nearest(name, &known);
-            return Err((key, Problem::Word { found: name.clone(), known, nearest }));
-        }
-        if spec.controlled[..i].contains(name) {
-            return value(&key, format!("{name:?}"), "each of them once");
-        }
-    }
-    Ok(())
+    names("control.controlled", &spec.controlled, &known)
 }
 
 fn first_plan(spec: &ControlSpec, inputs: usize) -> Checked {
@@ -286,8 +263,5 @@ fn weights(key: &str, weight: &Weight, expected: usize, per: &'static str) -> Ch
         }
     };
     length(key, diagonal, expected, per)?;
-    match diagonal.iter().position(|&w| w < 0.0) {
-        Some(i) => value(&format!("{key}[{i}]"), diagonal[i], "0 or a positive number"),
-        None => Ok(()),
-    }
+    each(key, diagonal, not_negative)
 }

@@ -41,7 +41,7 @@ pub(super) fn expressions(
     }
     let mut taken =
         [variables.state_names(), variables.input_names(), variables.output_names()].concat();
-    taken.extend(experiment.plant.parameters().into_keys());
+    taken.extend(experiment.plant.parameter_names());
     taken.push("t".to_owned());
     for (name, number) in &cost.parameters {
         let key = format!("control.cost.parameters.{name}");

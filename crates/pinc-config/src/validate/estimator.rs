@@ -1,12 +1,14 @@
 //! Checks of `[control.measurement]` and `[control.estimator]`.
 
-use super::values::{MEASURED, at_least_one, bounds, length, not_negative, positive, value};
+use super::values::{
+    MEASURED, at_least_one, bounds, each, known_to_net, length, names, not_negative, ordered,
+    parameters, positive, value,
+};
 use super::{Checked, Problem};
-use crate::problem::nearest;
 use crate::registry::Variables;
 use crate::{
     ControlSpec, DisturbanceSpec, EstimatorKind, EstimatorSpec, Experiment, GateSpec,
-    LoopParameters, ModelKind,
+    LoopParameters,
 };
 use pinc_estimate::EstimateError;
 
@@ -25,12 +27,12 @@ pub(super) fn output_feedback(
     known.extend(variables.own_output_names());
     let measured = measurement.names(variables);
     if let Some(measured) = &measurement.measured {
-        names(&format!("{MEASUREMENT}.measured"), measured, &known)?;
+        some_names(&format!("{MEASUREMENT}.measured"), measured, &known)?;
     }
     if let Some(sd) = &measurement.noise_sd {
         let key = format!("{MEASUREMENT}.noise_sd");
         length(&key, sd, measured.len(), MEASURED)?;
-        none_negative(&key, sd)?;
+        each(&key, sd, not_negative)?;
     }
     match (&spec.estimator, &spec.measurement) {
         (None, None) => Ok(()),
@@ -56,19 +58,17 @@ fn tuned(spec: &EstimatorSpec, variables: &Variables, measured: usize) -> Checke
     let key = |name: &str| format!("{ESTIMATOR}.{name}");
     for (name, sd) in [("process_sd", &spec.process_sd), ("initial_sd", &spec.initial_sd)] {
         length(&key(name), sd, states, "state")?;
-        none_negative(&key(name), sd)?;
+        each(&key(name), sd, not_negative)?;
     }
     length(&key("initial_estimate"), &spec.initial_estimate, states, "state")?;
     length(&key("measurement_sd"), &spec.measurement_sd, measured, MEASURED)?;
-    for (i, &sd) in spec.measurement_sd.iter().enumerate() {
-        positive(&key(&format!("measurement_sd[{i}]")), sd)?;
-    }
+    each(&key("measurement_sd"), &spec.measurement_sd, positive)?;
     let disturbances = match &spec.disturbance {
         DisturbanceSpec::None => 0,
         DisturbanceSpec::Input => variables.inputs.len(),
         DisturbanceSpec::Output => measured,
         DisturbanceSpec::States(disturbed) => {
-            names(&key("disturbance.states"), disturbed, &variables.state_names())?;
+            some_names(&key("disturbance.states"), disturbed, &variables.state_names())?;
             disturbed.len()
         }
     };
@@ -77,12 +77,7 @@ fn tuned(spec: &EstimatorSpec, variables: &Variables, measured: usize) -> Checke
         ("disturbance_initial_sd", &spec.disturbance_initial_sd),
     ] {
         length(&key(name), sd, disturbances, "disturbance")?;
-        none_negative(&key(name), sd)?;
-    }
-    for (name, side) in [("low", &spec.low), ("high", &spec.high)] {
-        if let Some(side) = side {
-            length(&key(name), side, states, "state")?;
-        }
+        each(&key(name), sd, not_negative)?;
     }
     if let Some(GateSpec::Sd(sd)) = spec.gate
         && !(sd > 0.0 && sd.is_finite())
@@ -90,9 +85,7 @@ fn tuned(spec: &EstimatorSpec, variables: &Variables, measured: usize) -> Checke
         let expected = "a positive and finite number of standard deviations, or \"off\"";
         return value(&key("gate"), sd, expected);
     }
-    if let (Some(low), Some(high)) = (&spec.low, &spec.high) {
-        bounds(ESTIMATOR, low, high, states, "state")?;
-    }
+    bounds(&key(""), [spec.low.as_deref(), spec.high.as_deref()], states, "state")?;
     match (spec.kind, spec.window) {
         (EstimatorKind::Mhe, None) => {
             value(&key("window"), "nothing", "the length of the window of mhe in steps")
@@ -116,59 +109,27 @@ fn unknown_parameters(
     control: &ControlSpec,
     experiment: &Experiment,
 ) -> Checked {
-    let known: Vec<String> = experiment.plant.parameters().into_keys().collect();
+    let key = |i: usize, name: &str| format!("{ESTIMATOR}.parameters[{i}].{name}");
+    let listed = spec.parameters.iter().map(|parameter| &parameter.name);
+    parameters(|i| key(i, "name"), listed, experiment)?;
     for (i, parameter) in spec.parameters.iter().enumerate() {
-        let key = |name: &str| format!("{ESTIMATOR}.parameters[{i}].{name}");
-        if known.is_empty() {
-            let expected = "no such key: the plant has no parameters that can vary";
-            return value(&key("name"), format!("{:?}", parameter.name), expected);
+        not_negative(&key(i, "initial_sd"), parameter.initial_sd)?;
+        not_negative(&key(i, "drift_sd"), parameter.drift_sd)?;
+        if let (Some(low), Some(high)) = (parameter.low, parameter.high) {
+            ordered(&key(i, "low"), low, high)?;
         }
-        let twice = spec.parameters[..i].iter().any(|before| before.name == parameter.name);
-        if twice {
-            return value(&key("name"), format!("{:?}", parameter.name), "each parameter once");
-        }
-        if !known.contains(&parameter.name) {
-            let nearest = nearest(&parameter.name, &known);
-            let found = parameter.name.clone();
-            return Err((key("name"), Problem::Word { found, known, nearest }));
-        }
-        not_negative(&key("initial_sd"), parameter.initial_sd)?;
-        not_negative(&key("drift_sd"), parameter.drift_sd)?;
-        if let (Some(low), Some(high)) = (parameter.low, parameter.high)
-            && low > high
-        {
-            return value(&key("low"), low, &format!("at most the upper end, {high}"));
-        }
-        let of_the_net = experiment.varying().contains(&parameter.name.as_str());
-        if control.models.contains(&ModelKind::Pinc) && !of_the_net {
-            let expected = "one of domain.parameters, with the model \"pinc\": the net is of these";
-            return value(&key("name"), format!("{:?}", parameter.name), expected);
-        }
+        let name = &parameter.name;
+        known_to_net(&key(i, "name"), format!("{name:?}"), name, (experiment, control))?;
     }
     Ok(())
 }
 
 /// Names of which each is known and given once.
-pub(super) fn names(key: &str, names: &[String], known: &[String]) -> Checked {
-    if names.is_empty() {
+pub(super) fn some_names(key: &str, given: &[String], known: &[String]) -> Checked {
+    if given.is_empty() {
         return value(key, "[]", &format!("one or more of {}", known.join(", ")));
     }
-    for (i, name) in names.iter().enumerate() {
-        let key = format!("{key}[{i}]");
-        if !known.contains(name) {
-            let (known, nearest) = (known.to_vec(), nearest(name, known));
-            return Err((key, Problem::Word { found: name.clone(), known, nearest }));
-        }
-        if names[..i].contains(name) {
-            return value(&key, format!("{name:?}"), "each of them once");
-        }
-    }
-    Ok(())
-}
-
-fn none_negative(key: &str, numbers: &[f64]) -> Checked {
-    let mut numbers = numbers.iter().enumerate();
-    numbers.try_for_each(|(i, &number)| not_negative(&format!("{key}[{i}]"), number))
+    names(key, given, known)
 }
 
 /// A finding from an error of pinc-estimate.

@@ -1,9 +1,8 @@
 //! Checks of `control.free_time` and `control.end_state`.
 
-use super::values::value;
+use super::values::{alone, place, value};
 use super::{Checked, Problem};
 use crate::estimator::DisturbanceSpec;
-use crate::problem::nearest;
 use crate::{ControlSpec, Experiment, Profile, Variables};
 
 const KEY: &str = "control.free_time";
@@ -17,11 +16,7 @@ pub(super) fn free_time(
     end_state(control, variables)?;
     let Some(name) = &control.free_time else { return Ok(()) };
     let found = || format!("{name:?}");
-    let Some(place) = control.stretch(variables) else {
-        let known = variables.input_names();
-        let nearest = nearest(name, &known);
-        return Err((KEY.to_owned(), Problem::Word { found: name.clone(), known, nearest }));
-    };
+    let place = place(KEY, name, &variables.input_names())?;
     if control.input_low.get(place).is_some_and(|low| *low <= 0.0) {
         let key = format!("control.input_low[{place}]");
         let expected = format!("a positive number: {name} is a factor on lengths of stages");
@@ -41,7 +36,7 @@ pub(super) fn free_time(
     }
     let cost = control.cost.iter().flat_map(|cost| [&cost.stage, &cost.terminal]).flatten();
     let with_time = cost.into_iter().any(|text| names(text).any(|name| name == "t"));
-    for (other, is_there) in [
+    let others = [
         ("`t` in [control.cost]", with_time),
         ("more than one of control.references", control.references.len() > 1),
         ("control.bound_schedule", !control.bound_schedule.is_empty()),
@@ -56,22 +51,15 @@ pub(super) fn free_time(
                 .as_ref()
                 .is_some_and(|of| matches!(of.disturbance, DisturbanceSpec::Input)),
         ),
-    ] {
-        if is_there {
-            return value(KEY, found(), &format!("no such key with {other}"));
-        }
-    }
-    Ok(())
+    ];
+    alone(KEY, found(), "key", &others)
 }
 
 fn end_state(control: &ControlSpec, variables: &Variables) -> Checked {
     let known = variables.state_names();
     for (name, &number) in &control.end_state {
         let key = format!("control.end_state.{name}");
-        let Some(place) = known.iter().position(|state| state == name) else {
-            let (found, nearest) = (name.clone(), nearest(name, &known));
-            return Err((key, Problem::Word { found, known, nearest }));
-        };
+        let place = place(&key, name, &known)?;
         if !number.is_finite() {
             return Err((key, Problem::NotFinite(number)));
         }

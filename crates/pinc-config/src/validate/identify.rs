@@ -1,9 +1,8 @@
 //! Checks of `[identify]`.
 
-use super::estimator::names;
-use super::values::{MEASURED, at_least_one, length, positive, value};
-use super::{Checked, Problem};
-use crate::problem::nearest;
+use super::Checked;
+use super::estimator::some_names;
+use super::values::{MEASURED, at_least_one, distinct, each, length, parameters, positive, value};
 use crate::registry::Variables;
 use crate::{Experiment, IdentifySpec, PlantSpec};
 
@@ -15,14 +14,12 @@ pub(super) fn identification(
     let mut known = variables.state_names();
     known.extend(variables.own_output_names());
     if let Some(measured) = &spec.measured {
-        names("identify.measured", measured, &known)?;
+        some_names("identify.measured", measured, &known)?;
     }
     let measured = spec.measurement().names(variables).len();
     if let Some(sd) = &spec.measurement_sd {
         length("identify.measurement_sd", sd, measured, MEASURED)?;
-        for (i, &sd) in sd.iter().enumerate() {
-            positive(&format!("identify.measurement_sd[{i}]"), sd)?;
-        }
+        each("identify.measurement_sd", sd, positive)?;
     }
     initial_state(spec, variables)?;
     if let Some(step_s) = spec.step_s {
@@ -40,7 +37,7 @@ pub(super) fn identification(
         let expected = "parameters to identify, or an initial_state to start from";
         return value("identify.parameters", "[]", expected);
     }
-    parameters(experiment, spec)
+    estimated(experiment, spec)
 }
 
 fn initial_state(spec: &IdentifySpec, variables: &Variables) -> Checked {
@@ -65,53 +62,27 @@ fn nets(experiment: &Experiment, spec: &IdentifySpec) -> Checked {
         PlantSpec::Expression(equations) => equations.nets.keys().cloned().collect(),
         _ => Vec::new(),
     };
-    for (i, net) in spec.nets.iter().enumerate() {
-        let key = |name: &str| format!("identify.nets[{i}].{name}");
-        let quoted = format!("{:?}", net.name);
-        if known.is_empty() {
-            let expected = "no such key: the plant has no plant.expression.nets";
-            return value(&key("name"), quoted, expected);
-        }
-        if spec.nets[..i].iter().any(|before| before.name == net.name) {
-            return value(&key("name"), quoted, "each net once");
-        }
-        if !known.contains(&net.name) {
-            let (found, nearest) = (net.name.clone(), nearest(&net.name, &known));
-            return Err((key("name"), Problem::Word { found, known, nearest }));
-        }
-        positive(&key("weight_sd"), net.weight_sd)?;
-    }
-    Ok(())
+    let key = |i: usize, name: &str| format!("identify.nets[{i}].{name}");
+    let listed = spec.nets.iter().map(|net| &net.name);
+    let none = "no such key: the plant has no plant.expression.nets";
+    distinct(|i| key(i, "name"), listed, &known, [none, "each net once"])?;
+    let mut nets = spec.nets.iter().enumerate();
+    nets.try_for_each(|(i, net)| positive(&key(i, "weight_sd"), net.weight_sd))
 }
 
-fn parameters(experiment: &Experiment, spec: &IdentifySpec) -> Checked {
-    let known: Vec<String> = experiment.plant.parameters().into_keys().collect();
+fn estimated(experiment: &Experiment, spec: &IdentifySpec) -> Checked {
+    let name_of = |i: usize| format!("identify.parameters[{i}].name");
+    parameters(name_of, spec.parameters.iter().map(|parameter| &parameter.name), experiment)?;
     for (i, parameter) in spec.parameters.iter().enumerate() {
         let key = |name: &str| format!("identify.parameters[{i}].{name}");
-        let quoted = format!("{:?}", parameter.name);
-        if known.is_empty() {
-            let expected = "no such key: the plant has no parameters that can vary";
-            return value(&key("name"), quoted, expected);
-        }
-        if spec.parameters[..i].iter().any(|before| before.name == parameter.name) {
-            return value(&key("name"), quoted, "each parameter once");
-        }
-        if !known.contains(&parameter.name) {
-            let nearest = nearest(&parameter.name, &known);
-            let found = parameter.name.clone();
-            return Err((key("name"), Problem::Word { found, known, nearest }));
-        }
         if let Some(sd) = parameter.sd {
             positive(&key("sd"), sd)?;
         }
         let identified =
             spec.nets.iter().any(|net| parameter.name.split('[').next() == Some(&net.name));
         if identified {
-            return value(
-                &key("name"),
-                quoted,
-                "a parameter that is not a weight of identify.nets",
-            );
+            let expected = "a parameter that is not a weight of identify.nets";
+            return value(&name_of(i), format!("{:?}", parameter.name), expected);
         }
         let low = parameter.low.unwrap_or(f64::NEG_INFINITY);
         let high = parameter.high.unwrap_or(f64::INFINITY);

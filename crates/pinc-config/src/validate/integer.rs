@@ -1,8 +1,7 @@
 //! Checks of `control.integer` and `control.target`.
 
-use super::values::value;
+use super::values::{alone, names, place, value};
 use super::{Checked, Problem};
-use crate::problem::nearest;
 use crate::{ControlSpec, Variables};
 
 const KEY: &str = "control.integer";
@@ -10,15 +9,9 @@ const KEY: &str = "control.integer";
 /// Inputs that are whole numbers.
 pub(super) fn whole(control: &ControlSpec, variables: &Variables) -> Checked {
     let known = variables.input_names();
-    for (i, name) in control.integer.iter().enumerate() {
-        let key = format!("{KEY}[{i}]");
-        let Some(place) = known.iter().position(|input| input == name) else {
-            let (found, nearest) = (name.clone(), nearest(name, &known));
-            return Err((key, Problem::Word { found, known, nearest }));
-        };
-        if control.integer[..i].contains(name) {
-            return value(&key, format!("{name:?}"), "each of them once");
-        }
+    names(KEY, &control.integer, &known)?;
+    for name in &control.integer {
+        let place = place(KEY, name, &known)?;
         let sides = [("input_low", &control.input_low), ("input_high", &control.input_high)];
         let initial = control.initial_input.as_ref().map(|input| ("initial_input", input));
         for (list, side) in sides.into_iter().chain(initial) {
@@ -29,17 +22,15 @@ pub(super) fn whole(control: &ControlSpec, variables: &Variables) -> Checked {
             }
         }
     }
-    for (other, is_there) in [
+    if control.integer.is_empty() {
+        return Ok(());
+    }
+    let others = [
         ("sqp.real_time", control.sqp.real_time),
         ("control.scenarios", control.scenarios.is_some()),
         ("control.bound_schedule", !control.bound_schedule.is_empty()),
-    ] {
-        if is_there && !control.integer.is_empty() {
-            let expected = format!("no such key with {other}");
-            return value(KEY, format!("{:?}", control.integer), &expected);
-        }
-    }
-    Ok(())
+    ];
+    alone(KEY, format!("{:?}", control.integer), "key", &others)
 }
 
 /// Steady-state targets.

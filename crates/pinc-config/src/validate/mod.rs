@@ -13,7 +13,7 @@ mod scenarios;
 mod schedule;
 mod stages;
 mod uncertainty;
-mod values;
+pub(crate) mod values;
 
 pub(crate) use values::rounded;
 
@@ -28,12 +28,12 @@ use pinc_expr::ExpressionError;
 use pinc_net::{Ansatz, NetError, ResidualScale, Scenario, TrainingTarget, ValidationConfig};
 use pinc_ode::Dims;
 use values::{
-    CONTROLLED, at_least_one, bounds, length, named_tolerances, positive, present, tolerance,
+    CONTROLLED, at_least_one, bounds, each, length, named_tolerances, positive, present, tolerance,
     value, whole_steps,
 };
 
 /// The key and what is wrong with its value.
-type Checked = Result<(), (String, Problem)>;
+pub(crate) type Checked = Result<(), (String, Problem)>;
 
 impl Experiment {
     /// Checks that the values make sense by themselves and together.
@@ -232,9 +232,7 @@ fn plant(key: &str, plant: &PlantSpec, plants: &Plants) -> Checked {
                     return value(&format!("{key}.gamma[{i}]"), gamma, "a share from 0 to 1");
                 }
             }
-            for (i, &pump) in spec.pump.iter().flatten().enumerate() {
-                positive(&format!("{key}.pump[{i}]"), pump)?;
-            }
+            each(&format!("{key}.pump"), spec.pump.as_slice().as_flattened(), positive)?;
             constants(place, plant)
         }
         PlantSpec::Expression(equations) => {
@@ -249,7 +247,7 @@ fn plant(key: &str, plant: &PlantSpec, plants: &Plants) -> Checked {
 
 /// The constants of a built-in plant.
 fn constants(key: &str, plant: &PlantSpec) -> Checked {
-    let known: Vec<String> = plant.parameters().into_keys().collect();
+    let known = plant.parameter_names();
     for (name, &number) in plant.constants().into_iter().flatten() {
         let key = format!("{key}.{}.constants.{name}", plant.name());
         if !known.contains(name) {
@@ -307,9 +305,7 @@ fn training_choices(spec: &TrainingSpec, dims: Dims) -> Checked {
     if let ResidualScale::Custom(factors) = &config.residual_scale {
         let key = "training.residual_scale.custom";
         length(key, factors, dims.nx, "state")?;
-        for (i, &factor) in factors.iter().enumerate() {
-            positive(&format!("{key}[{i}]"), factor)?;
-        }
+        each(key, factors, positive)?;
     }
     for (i, phase) in config.phases.iter().enumerate() {
         let key = format!("training.phases[{i}].optimizer");
@@ -345,7 +341,8 @@ fn free_run(spec: &PredictionSpec, variables: &Variables, sample_time_s: Option<
     let states = variables.states.len();
     length("prediction.initial_state", &spec.initial_state, states, "state")?;
     let inputs = variables.inputs.len();
-    bounds("prediction.input", &spec.input_low, &spec.input_high, inputs, "input")
+    let sides = [&spec.input_low, &spec.input_high].map(|side| Some(&side[..]));
+    bounds("prediction.input_", sides, inputs, "input")
 }
 
 /// A conventional PINN knows one scenario, so that it can run freely in that one only.

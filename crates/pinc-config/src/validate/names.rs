@@ -1,7 +1,8 @@
 //! Names of states, inputs and outputs as names of columns; names of parameters.
 
-use super::{Checked, value};
-use crate::problem::{Problem, nearest};
+use super::Checked;
+use super::values::{parameters, value};
+use crate::problem::nearest;
 use crate::registry::Variables;
 use crate::{DataSpec, Experiment, PlantSpec};
 use pinc_net::Domain;
@@ -80,21 +81,7 @@ pub(super) fn column_names(plant: &PlantSpec, variables: &Variables) -> Checked 
 
 /// Checks the parameters that are trained with the net.
 pub(super) fn unknown_parameters(experiment: &Experiment, data: &DataSpec) -> Checked {
-    let known: Vec<String> = experiment.plant.parameters().into_keys().collect();
-    for (i, name) in data.parameters.iter().enumerate() {
-        let (key, quoted) = (format!("data.parameters[{i}]"), format!("{name:?}"));
-        if known.is_empty() {
-            let expected = "no such key: the plant has no parameters that can vary";
-            return value(&key, quoted, expected);
-        }
-        if !known.contains(name) {
-            let (found, nearest) = (name.clone(), nearest(name, &known));
-            return Err((key, Problem::Word { found, known, nearest }));
-        }
-        if data.parameters[..i].contains(name) {
-            return value(&key, quoted, "each parameter once");
-        }
-    }
+    parameters(|i| format!("data.parameters[{i}]"), &data.parameters, experiment)?;
     if data.parameters.is_empty() {
         return Ok(());
     }
@@ -123,7 +110,7 @@ pub(super) fn varying_parameters(experiment: &Experiment) -> Checked {
         }
     }
     let Some(domain) = &experiment.domain else { return Ok(()) };
-    let known: Vec<String> = experiment.plant.parameters().into_keys().collect();
+    let known = experiment.plant.parameter_names();
     let varying = names(domain);
     if let Some(unknown) = varying.iter().find(|name| !known.contains(name)) {
         let key = format!("domain.parameters.{unknown}");

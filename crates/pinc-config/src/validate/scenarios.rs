@@ -1,9 +1,8 @@
 //! Checks of `[control.scenarios]`.
 
-use super::values::{length, positive, value};
-use super::{Checked, Problem};
-use crate::problem::nearest;
-use crate::{ControlSpec, Experiment, ModelKind, OnError, ScenarioSpec};
+use super::Checked;
+use super::values::{NO_PARAMETERS, alone, each, known_to_net, length, place, positive, value};
+use crate::{ControlSpec, Experiment, OnError, ScenarioSpec};
 use pinc_mpc::QpMethod;
 
 const SECTION: &str = "control.scenarios";
@@ -17,7 +16,7 @@ pub(super) fn scenarios(experiment: &Experiment, control: &ControlSpec) -> Check
     tree(control, spec)?;
     let told = |name: &String| spec.values.contains_key(name);
     let scheduled = control.parameter_schedule.iter().any(|of| of.values.keys().any(told));
-    for (other, is_there) in [
+    let others = [
         ("control.stages_s", control.stages_s.is_some()),
         ("control.input_differences", !control.input_differences.is_empty()),
         ("control.first_plan", control.first_plan.is_some()),
@@ -28,17 +27,13 @@ pub(super) fn scenarios(experiment: &Experiment, control: &ControlSpec) -> Check
         ("sqp.qp = \"condensed\"", control.sqp.qp == QpMethod::Condensed),
         ("the same parameter measured", control.measured_parameters.iter().any(told)),
         ("the same parameter in control.parameter_schedule", scheduled),
-    ] {
-        if is_there {
-            return value(SECTION, "a table", &format!("no such table with {other}"));
-        }
-    }
-    Ok(())
+    ];
+    alone(SECTION, "a table", "table", &others)
 }
 
 /// The parameters and their values.
 fn values(experiment: &Experiment, control: &ControlSpec, spec: &ScenarioSpec) -> Checked {
-    let known: Vec<String> = experiment.plant.parameters().into_keys().collect();
+    let known = experiment.plant.parameter_names();
     if spec.values.is_empty() {
         let expected = "lists of values of one or more parameters";
         return value(&format!("{SECTION}.values"), "{}", expected);
@@ -46,21 +41,13 @@ fn values(experiment: &Experiment, control: &ControlSpec, spec: &ScenarioSpec) -
     for (name, values) in &spec.values {
         let key = format!("{SECTION}.values.{name}");
         if known.is_empty() {
-            let expected = "no such key: the plant has no parameters that can vary";
-            return value(&key, format!("{values:?}"), expected);
+            return value(&key, format!("{values:?}"), NO_PARAMETERS);
         }
-        if !known.contains(name) {
-            let nearest = nearest(name, &known);
-            return Err((key, Problem::Word { found: name.clone(), known, nearest }));
-        }
+        place(&key, name, &known)?;
         if values.is_empty() || values.iter().any(|value| !value.is_finite()) {
             return value(&key, format!("{values:?}"), "one or more finite numbers");
         }
-        let of_the_net = experiment.varying().contains(&name.as_str());
-        if control.models.contains(&ModelKind::Pinc) && !of_the_net {
-            let expected = "one of domain.parameters, with the model \"pinc\": the net is of these";
-            return value(&key, format!("{values:?}"), expected);
-        }
+        known_to_net(&key, format!("{values:?}"), name, (experiment, control))?;
     }
     Ok(())
 }
@@ -71,9 +58,7 @@ fn tree(control: &ControlSpec, spec: &ScenarioSpec) -> Checked {
     if let Some(weights) = &spec.weights {
         let key = format!("{SECTION}.weights");
         length(&key, weights, branches, "combination of values")?;
-        for (i, &weight) in weights.iter().enumerate() {
-            positive(&format!("{key}[{i}]"), weight)?;
-        }
+        each(&key, weights, positive)?;
     }
     let key = format!("{SECTION}.robust_horizon");
     let horizon = spec.robust_horizon;

@@ -1,8 +1,7 @@
 //! Checks of what changes during a closed loop: parameters, bounds and loads.
 
-use super::values::{step_mark, value, whole_steps};
-use super::{Checked, Problem};
-use crate::problem::nearest;
+use super::Checked;
+use super::values::{alone, distinct, place, step_mark, value, whole_steps};
 use crate::{ControlSpec, Experiment, OnError, ParameterStep, Variables};
 
 /// Key of the parameters that the models are told.
@@ -16,7 +15,7 @@ const PLANT: &str = "control.plant_schedule";
 
 pub(super) fn schedules(experiment: &Experiment, spec: &ControlSpec) -> Checked {
     let varying: Vec<String> = experiment.varying().into_iter().map(str::to_owned).collect();
-    let own: Vec<String> = experiment.plant_in_the_loop().parameters().into_keys().collect();
+    let own = experiment.plant_in_the_loop().parameter_names();
     if !spec.parameter_schedule.is_empty() && spec.estimator.is_some() {
         let expected = "no such key with [control.estimator], which estimates parameters";
         return value("control.parameter_schedule", "a list", expected);
@@ -41,15 +40,11 @@ fn preview(spec: &ControlSpec) -> Checked {
         let expected = "control.parameter_schedule or control.measured_parameters beside it";
         return value(key, "true", expected);
     }
-    for (is_there, other) in [
-        (spec.delay_steps > 0, "control.delay_steps"),
-        (spec.on_error == OnError::Integrator, "control.on_error = \"integrator\""),
-    ] {
-        if is_there {
-            return value(key, "true", &format!("no such key with {other}"));
-        }
-    }
-    Ok(())
+    let others = [
+        ("control.delay_steps", spec.delay_steps > 0),
+        ("control.on_error = \"integrator\"", spec.on_error == OnError::Integrator),
+    ];
+    alone(key, "true", "key", &others)
 }
 
 /// Bounds that change.
@@ -61,11 +56,7 @@ fn bounds(spec: &ControlSpec, variables: &Variables) -> Checked {
         for ((side, given), known) in step.sides().into_iter().zip(names.iter().cycle()) {
             for (name, number) in given {
                 let key = format!("{BOUNDS}[{i}].{side}.{name}");
-                let Some(place) = known.iter().position(|known| known == name) else {
-                    let (found, known, nearest) =
-                        (name.clone(), known.clone(), nearest(name, known));
-                    return Err((key, Problem::Word { found, known, nearest }));
-                };
+                let place = place(&key, name, known)?;
                 if !spec.bound(side, place).is_finite() {
                     let expected = format!("a bound of {name} in control.{side} to start from");
                     return value(&key, number, &expected);
@@ -126,10 +117,8 @@ fn loads(spec: &ControlSpec, variables: &Variables) -> Checked {
             ("inputs", &load.inputs, variables.input_names()),
             ("rates", &load.rates, variables.state_names()),
         ] {
-            if let Some(name) = found.keys().find(|name| !known.contains(name)) {
-                let (found, nearest) = (name.clone(), nearest(name, &known));
-                let key = key(&format!("{table}.{name}"));
-                return Err((key, Problem::Word { found, known, nearest }));
+            for name in found.keys() {
+                place(&key(&format!("{table}.{name}")), name, &known)?;
             }
         }
     }
@@ -139,49 +128,31 @@ fn loads(spec: &ControlSpec, variables: &Variables) -> Checked {
 /// Checks the parameters that are measured.
 fn measured(spec: &ControlSpec, varying: &[String]) -> Checked {
     let measured = &spec.measured_parameters;
-    for (i, name) in measured.iter().enumerate() {
-        let (key, quoted) = (format!("control.measured_parameters[{i}]"), format!("{name:?}"));
-        if varying.is_empty() {
-            let expected = "no such key: the models' parameters that vary are in \
-                            [domain.parameters]";
-            return value(&key, quoted, expected);
-        }
-        if !varying.contains(name) {
-            let (found, known, nearest) = (name.clone(), varying.to_vec(), nearest(name, varying));
-            return Err((key, Problem::Word { found, known, nearest }));
-        }
-        if measured[..i].contains(name) {
-            return value(&key, quoted, "each parameter once");
-        }
+    let key = "control.measured_parameters";
+    let none = "no such key: the models' parameters that vary are in [domain.parameters]";
+    distinct(|i| format!("{key}[{i}]"), measured, varying, [none, "each parameter once"])?;
+    if measured.is_empty() {
+        return Ok(());
     }
-    let told = [
-        (spec.estimator.is_some(), "[control.estimator], which estimates parameters"),
-        (
-            !spec.parameter_schedule.is_empty(),
-            "control.parameter_schedule, which also gives parameters",
-        ),
+    let also_gives = "control.parameter_schedule, which also gives parameters";
+    let others = [
+        ("[control.estimator], which estimates parameters", spec.estimator.is_some()),
+        (also_gives, !spec.parameter_schedule.is_empty()),
     ];
-    match told.into_iter().find(|(is_there, _)| *is_there && !measured.is_empty()) {
-        None => Ok(()),
-        Some((_, other)) => {
-            let expected = format!("no such key with {other}");
-            value("control.measured_parameters", format!("{measured:?}"), &expected)
-        }
-    }
+    alone(key, format!("{measured:?}"), "key", &others)
 }
 
 fn schedule(key: &str, changes: &[ParameterStep], known: &[String], duration_s: f64) -> Checked {
     increasing(key, changes.iter().map(|change| change.start_s), duration_s)?;
     for (i, change) in changes.iter().enumerate() {
-        if let Some(name) = change.values.keys().find(|name| !known.contains(name)) {
-            let (found, known, nearest) = (name.clone(), known.to_vec(), nearest(name, known));
+        for name in change.values.keys() {
             let key = format!("{key}[{i}].values.{name}");
             if known.is_empty() {
                 let expected = "no such key: no parameters of the loop can vary; the models' \
                                 parameters are in [domain.parameters]";
-                return value(&key, found, expected);
+                return value(&key, name, expected);
             }
-            return Err((key, Problem::Word { found, known, nearest }));
+            place(&key, name, known)?;
         }
     }
     Ok(())

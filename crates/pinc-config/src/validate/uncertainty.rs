@@ -1,8 +1,7 @@
 //! Checks of `[control.uncertainty]`.
 
-use super::values::{length, not_negative, value};
-use super::{Checked, Problem};
-use crate::problem::nearest;
+use super::Checked;
+use super::values::{NO_PARAMETERS, alone, each, known_to_net, length, not_negative, place, value};
 use crate::registry::Variables;
 use crate::{
     ControlSpec, Experiment, FeedbackSpec, ModelKind, NetErrorSpec, OnError, UncertaintySpec,
@@ -32,18 +31,14 @@ pub(super) fn uncertainty(
             length(&format!("{key}[{i}]"), row, variables.states.len(), "state")?;
         }
     }
-    for (other, is_there) in [
+    let others = [
         ("[control.scenarios]", control.scenarios.is_some()),
         ("control.stages_s", control.stages_s.is_some()),
         ("control.delay_steps", control.delay_steps > 0),
         ("on_error = \"integrator\"", control.on_error == OnError::Integrator),
         ("on_error = \"correct\"", control.on_error == OnError::Correct),
-    ] {
-        if is_there {
-            return value(SECTION, "a table", &format!("no such table with {other}"));
-        }
-    }
-    Ok(())
+    ];
+    alone(SECTION, "a table", "table", &others)
 }
 
 /// The sources, and what they need.
@@ -52,15 +47,10 @@ fn sources(spec: &UncertaintySpec, control: &ControlSpec, variables: &Variables)
     if !spec.process_sd.is_empty() {
         length(&key("process_sd"), &spec.process_sd, variables.states.len(), "state")?;
     }
-    for (i, &sd) in spec.process_sd.iter().enumerate() {
-        not_negative(&format!("{SECTION}.process_sd[{i}]"), sd)?;
-    }
+    each(&key("process_sd"), &spec.process_sd, not_negative)?;
     let known = variables.state_names();
     for (name, &limit) in &spec.boxes {
-        if !known.contains(name) {
-            let nearest = nearest(name, &known);
-            return Err((key("boxes"), Problem::Word { found: name.clone(), known, nearest }));
-        }
+        place(&key("boxes"), name, &known)?;
         not_negative(&format!("{SECTION}.boxes.{name}"), limit)?;
     }
     match spec.chance() {
@@ -73,13 +63,11 @@ fn sources(spec: &UncertaintySpec, control: &ControlSpec, variables: &Variables)
         }
         Some(_) => {}
         None => {
-            for (name, is_there) in
-                [("process_sd", !spec.process_sd.is_empty()), ("estimate", spec.estimate)]
-            {
-                if is_there {
-                    let expected = "no such key with probability = \"worst-case\": it has no limit";
-                    return value(&key(name), "a value", expected);
-                }
+            let unbounded =
+                [("process_sd", !spec.process_sd.is_empty()), ("estimate", spec.estimate)];
+            if let Some((name, _)) = unbounded.iter().find(|(_, is_there)| *is_there) {
+                let expected = "no such key with probability = \"worst-case\": it has no limit";
+                return value(&key(name), "a value", expected);
             }
         }
     }
@@ -99,7 +87,7 @@ fn sources(spec: &UncertaintySpec, control: &ControlSpec, variables: &Variables)
 
 /// The intervals of parameters.
 fn intervals(experiment: &Experiment, control: &ControlSpec, spec: &UncertaintySpec) -> Checked {
-    let known: Vec<String> = experiment.plant.parameters().into_keys().collect();
+    let known = experiment.plant.parameter_names();
     let estimated = control.estimator.iter().flat_map(|estimator| &estimator.parameters);
     let estimated: Vec<&String> = estimated.map(|parameter| &parameter.name).collect();
     let scheduled = |name: &String| {
@@ -109,20 +97,13 @@ fn intervals(experiment: &Experiment, control: &ControlSpec, spec: &UncertaintyS
         let key = format!("{SECTION}.parameters.{name}");
         let found = || format!("[{low}, {high}]");
         if known.is_empty() {
-            return value(&key, found(), "no such key: the plant has no parameters that can vary");
+            return value(&key, found(), NO_PARAMETERS);
         }
-        if !known.contains(name) {
-            let nearest = nearest(name, &known);
-            return Err((key, Problem::Word { found: name.clone(), known, nearest }));
-        }
+        place(&key, name, &known)?;
         if !(low <= high && low.is_finite() && high.is_finite()) {
             return value(&key, found(), "two finite numbers, the lower one first");
         }
-        let of_the_net = experiment.varying().contains(&name.as_str());
-        if control.models.contains(&ModelKind::Pinc) && !of_the_net {
-            let expected = "one of domain.parameters, with the model \"pinc\": the net is of these";
-            return value(&key, found(), expected);
-        }
+        known_to_net(&key, found(), name, (experiment, control))?;
         for (other, is_there) in [
             ("measured", control.measured_parameters.contains(name)),
             ("estimated", estimated.contains(&name)),

@@ -1,11 +1,11 @@
 //! Checks of single values, each by its key.
 
 use super::{Checked, Problem};
-use crate::problem::nearest;
 use crate::registry::Variables;
+use crate::{ControlSpec, Experiment, ModelKind};
 use std::collections::BTreeMap;
 
-pub(super) fn value(key: &str, found: impl ToString, expected: &str) -> Checked {
+pub(crate) fn value(key: &str, found: impl ToString, expected: &str) -> Checked {
     let problem = Problem::Value { found: found.to_string(), expected: expected.to_owned() };
     Err((key.to_owned(), problem))
 }
@@ -30,7 +30,7 @@ pub(super) fn tolerance(key: &str, number: f64) -> Checked {
     }
 }
 
-pub(super) fn at_least_one(key: &str, number: usize) -> Checked {
+pub(crate) fn at_least_one(key: &str, number: usize) -> Checked {
     if number > 0 { Ok(()) } else { value(key, number, "1 or more") }
 }
 
@@ -49,23 +49,111 @@ pub(super) const CONTROLLED: &str = "controlled quantity";
 /// What there is one number of per measured quantity.
 pub(super) const MEASURED: &str = "measured quantity";
 
-/// The lists `<key>_low` and `<key>_high`.
+/// Checks each of some numbers, by its place in the list.
+pub(super) fn each(key: &str, numbers: &[f64], check: fn(&str, f64) -> Checked) -> Checked {
+    let mut numbers = numbers.iter().enumerate();
+    numbers.try_for_each(|(i, &number)| check(&format!("{key}[{i}]"), number))
+}
+
+/// The lists `<key>low` and `<key>high`, each of which may be left out.
 pub(super) fn bounds(
     key: &str,
-    low: &[f64],
-    high: &[f64],
+    [low, high]: [Option<&[f64]>; 2],
     expected: usize,
     per: &'static str,
 ) -> Checked {
-    length(&format!("{key}_low"), low, expected, per)?;
-    length(&format!("{key}_high"), high, expected, per)?;
-    for (i, (low, high)) in low.iter().zip(high).enumerate() {
-        if low > high {
-            let expected = format!("at most the upper end, {high}");
-            return value(&format!("{key}_low[{i}]"), low, &expected);
+    for (side, numbers) in [("low", low), ("high", high)] {
+        if let Some(numbers) = numbers {
+            length(&format!("{key}{side}"), numbers, expected, per)?;
         }
     }
+    let both = low.unwrap_or_default().iter().zip(high.unwrap_or_default());
+    for (i, (&low, &high)) in both.enumerate() {
+        ordered(&format!("{key}low[{i}]"), low, high)?;
+    }
     Ok(())
+}
+
+/// Checks the lower end of a range.
+pub(crate) fn ordered(key: &str, low: f64, high: f64) -> Checked {
+    if low > high { value(key, low, &format!("at most the upper end, {high}")) } else { Ok(()) }
+}
+
+/// The place of a name among those known.
+pub(super) fn place(key: &str, name: &str, known: &[String]) -> Result<usize, (String, Problem)> {
+    let place = known.iter().position(|known| known == name);
+    place.ok_or_else(|| (key.to_owned(), Problem::word(name, known)))
+}
+
+/// Checks that names are known, and each there once.
+pub(super) fn names(key: &str, names: &[String], known: &[String]) -> Checked {
+    distinct(|i| format!("{key}[{i}]"), names, known, ["", "each of them once"])
+}
+
+/// Checks that names are those of parameters of the plant, and each there once.
+pub(super) fn parameters<'a>(
+    key: impl Fn(usize) -> String,
+    names: impl IntoIterator<Item = &'a String>,
+    experiment: &Experiment,
+) -> Checked {
+    distinct(
+        key,
+        names,
+        &experiment.plant.parameter_names(),
+        [NO_PARAMETERS, "each parameter once"],
+    )
+}
+
+/// What is expected of names of parameters that the plant does not have.
+pub(super) const NO_PARAMETERS: &str = "no such key: the plant has no parameters that can vary";
+
+/// Checks that names are known, and each there once; what is expected otherwise, or where none is
+/// known, is given in words.
+pub(super) fn distinct<'a>(
+    key: impl Fn(usize) -> String,
+    names: impl IntoIterator<Item = &'a String>,
+    known: &[String],
+    [none, once]: [&str; 2],
+) -> Checked {
+    let mut before = Vec::new();
+    for (i, name) in names.into_iter().enumerate() {
+        if known.is_empty() {
+            return value(&key(i), format!("{name:?}"), none);
+        }
+        place(&key(i), name, known)?;
+        if before.contains(&name) {
+            return value(&key(i), format!("{name:?}"), once);
+        }
+        before.push(name);
+    }
+    Ok(())
+}
+
+/// Checks that a net in the loop knows a parameter that takes several values there.
+pub(super) fn known_to_net(
+    key: &str,
+    found: impl ToString,
+    name: &str,
+    (experiment, control): (&Experiment, &ControlSpec),
+) -> Checked {
+    if control.models.contains(&ModelKind::Pinc) && !experiment.varying().contains(&name) {
+        let expected = "one of domain.parameters, with the model \"pinc\": the net is of these";
+        return value(key, found, expected);
+    }
+    Ok(())
+}
+
+/// Checks that none of the others is there beside a key or table, called `what`.
+pub(super) fn alone(
+    key: &str,
+    found: impl ToString,
+    what: &str,
+    others: &[(&str, bool)],
+) -> Checked {
+    match others.iter().find(|(_, is_there)| *is_there) {
+        Some((other, _)) => value(key, found, &format!("no such {what} with {other}")),
+        None => Ok(()),
+    }
 }
 
 /// Checks that a duration is a positive whole number of T, to a relative 1e-9.
@@ -108,10 +196,7 @@ pub(super) fn named_tolerances(
     let known = variables.state_names();
     for (name, tolerance) in named {
         let key = format!("{key}.{name}");
-        if !known.contains(name) {
-            let (found, nearest) = (name.clone(), nearest(name, &known));
-            return Err((key, Problem::Word { found, known, nearest }));
-        }
+        place(&key, name, &known)?;
         positive(&key, *tolerance)?;
     }
     Ok(())

@@ -214,13 +214,8 @@ impl Binary {
         // SAFETY: what a library does when it is loaded is for the FMU to keep to the standard.
         let library = unsafe { Library::new(path) }.map_err(|error| in_full(&error))?;
         // SAFETY: the standard's functions of these names have these types.
-        let functions = unsafe {
-            match version {
-                Version::Two => functions_of_two(&library),
-                Version::Three => functions_of_three(&library),
-            }
-        };
-        Ok(Self { functions: functions?, version, _library: library })
+        let functions = unsafe { functions(&library, version) }?;
+        Ok(Self { functions, version, _library: library })
     }
 }
 
@@ -239,56 +234,48 @@ unsafe fn find<T: Copy>(library: &Library, name: &str) -> Result<T, String> {
     symbol.map(|symbol| *symbol).map_err(|_| format!("its binary has no function {name}"))
 }
 
+/// The functions of a version of FMI.
+///
 /// # Safety
 ///
-/// The library is a binary of FMI 2.0.
-unsafe fn functions_of_two(library: &Library) -> Result<Functions, String> {
+/// The library keeps to the standard.
+unsafe fn functions(library: &Library, version: Version) -> Result<Functions, String> {
+    let (prefix, derivatives) = match version {
+        Version::Two => ("fmi2", "GetDerivatives"),
+        Version::Three => ("fmi3", "GetContinuousStateDerivatives"),
+    };
+    let named = |name: &str| format!("{prefix}{name}");
     // SAFETY: these are the types of the standard.
     unsafe {
         Ok(Functions {
-            free: find(library, "fmi2FreeInstance")?,
-            reset: find(library, "fmi2Reset")?,
-            exit_initialization: find(library, "fmi2ExitInitializationMode")?,
-            enter_continuous_time: find(library, "fmi2EnterContinuousTimeMode").ok(),
-            set_states: find(library, "fmi2SetContinuousStates").ok(),
-            derivatives: find(library, "fmi2GetDerivatives").ok(),
-            versioned: Versioned::Fmi2(Fmi2 {
-                instantiate: find(library, "fmi2Instantiate")?,
-                set_up: find(library, "fmi2SetupExperiment")?,
-                enter_initialization: find(library, "fmi2EnterInitializationMode")?,
-                set: find(library, "fmi2SetReal")?,
-                get: find(library, "fmi2GetReal")?,
-                do_step: find(library, "fmi2DoStep").ok(),
-                update: find(library, "fmi2NewDiscreteStates").ok(),
-                directional: find(library, "fmi2GetDirectionalDerivative").ok(),
-            }),
-        })
-    }
-}
-
-/// # Safety
-///
-/// The library is a binary of FMI 3.0.
-unsafe fn functions_of_three(library: &Library) -> Result<Functions, String> {
-    // SAFETY: these are the types of the standard.
-    unsafe {
-        Ok(Functions {
-            free: find(library, "fmi3FreeInstance")?,
-            reset: find(library, "fmi3Reset")?,
-            exit_initialization: find(library, "fmi3ExitInitializationMode")?,
-            enter_continuous_time: find(library, "fmi3EnterContinuousTimeMode").ok(),
-            set_states: find(library, "fmi3SetContinuousStates").ok(),
-            derivatives: find(library, "fmi3GetContinuousStateDerivatives").ok(),
-            versioned: Versioned::Fmi3(Fmi3 {
-                model_exchange: find(library, "fmi3InstantiateModelExchange").ok(),
-                co_simulation: find(library, "fmi3InstantiateCoSimulation").ok(),
-                enter_initialization: find(library, "fmi3EnterInitializationMode")?,
-                set: find(library, "fmi3SetFloat64")?,
-                get: find(library, "fmi3GetFloat64")?,
-                do_step: find(library, "fmi3DoStep").ok(),
-                update: find(library, "fmi3UpdateDiscreteStates").ok(),
-                directional: find(library, "fmi3GetDirectionalDerivative").ok(),
-            }),
+            free: find(library, &named("FreeInstance"))?,
+            reset: find(library, &named("Reset"))?,
+            exit_initialization: find(library, &named("ExitInitializationMode"))?,
+            enter_continuous_time: find(library, &named("EnterContinuousTimeMode")).ok(),
+            set_states: find(library, &named("SetContinuousStates")).ok(),
+            derivatives: find(library, &named(derivatives)).ok(),
+            versioned: match version {
+                Version::Two => Versioned::Fmi2(Fmi2 {
+                    instantiate: find(library, "fmi2Instantiate")?,
+                    set_up: find(library, "fmi2SetupExperiment")?,
+                    enter_initialization: find(library, "fmi2EnterInitializationMode")?,
+                    set: find(library, "fmi2SetReal")?,
+                    get: find(library, "fmi2GetReal")?,
+                    do_step: find(library, "fmi2DoStep").ok(),
+                    update: find(library, "fmi2NewDiscreteStates").ok(),
+                    directional: find(library, "fmi2GetDirectionalDerivative").ok(),
+                }),
+                Version::Three => Versioned::Fmi3(Fmi3 {
+                    model_exchange: find(library, "fmi3InstantiateModelExchange").ok(),
+                    co_simulation: find(library, "fmi3InstantiateCoSimulation").ok(),
+                    enter_initialization: find(library, "fmi3EnterInitializationMode")?,
+                    set: find(library, "fmi3SetFloat64")?,
+                    get: find(library, "fmi3GetFloat64")?,
+                    do_step: find(library, "fmi3DoStep").ok(),
+                    update: find(library, "fmi3UpdateDiscreteStates").ok(),
+                    directional: find(library, "fmi3GetDirectionalDerivative").ok(),
+                }),
+            },
         })
     }
 }

@@ -68,6 +68,8 @@ impl<P: Plant, M: Method> RungeKutta<P, M> {
         assert!(substeps > 0, "at least one substep");
         assert!(Self::suits(&plant), "at most {SMALL} states, {SMALL} inputs, {SMALL} parameters");
         let dims = plant.dims();
+        let columns = (dims.np == 0).then_some(dims.nx + dims.nu);
+        assert!(P::COLUMNS.is_none() || P::COLUMNS == columns, "as many columns as the type says");
         let (isa, outputs) = (Isa::detect(), OutputWorkspace::new(dims));
         let narrow = if Isa::available().contains(&Isa::Avx2) { Isa::Avx2 } else { isa };
         Self { plant, dims, sample_time_s, substeps, isa, narrow, outputs, method: PhantomData }
@@ -80,6 +82,15 @@ impl<P: Plant, M: Method> RungeKutta<P, M> {
         let Dims { nx, nu, np, .. } = plant.dims();
         nx.max(nu).max(np) <= SMALL
     }
+
+    /// The most columns of a Jacobian that are few.
+    const FEW_COLUMNS: usize = if P::LONG { FEW_IF_LONG } else { FEW };
+
+    /// Whether there may be few columns, and whether more, by what the plant's type says.
+    const MAY_BE: [bool; 2] = match P::COLUMNS {
+        Some(columns) => [columns <= Self::FEW_COLUMNS, columns > Self::FEW_COLUMNS],
+        None => [true; 2],
+    };
 
     /// The number of substeps a step is divided into.
     #[must_use]
@@ -152,16 +163,15 @@ impl<P: Plant, M: Method> Model for RungeKutta<P, M> {
     fn linearize(&mut self, at: Stages<'_>, out: Linearization<'_>) {
         out.check(at.count(self.dims), self.dims);
         let points = Points { at, out };
-        let columns = points.columns(self.plant.dims());
-        if const { P::LONG } {
-            if columns <= FEW_IF_LONG {
-                self.linearize_batched::<FEW_IF_LONG>(points);
-            } else {
-                self.linearize_batched::<MANY_IF_LONG>(points);
-            }
-        } else if columns <= FEW {
+        let are_few = points.columns(self.plant.dims()) <= Self::FEW_COLUMNS;
+        // Constants, so that what is never called is not compiled.
+        if const { P::LONG && Self::MAY_BE[0] } && are_few {
+            self.linearize_batched::<FEW_IF_LONG>(points);
+        } else if const { P::LONG && Self::MAY_BE[1] } {
+            self.linearize_batched::<MANY_IF_LONG>(points);
+        } else if const { !P::LONG && Self::MAY_BE[0] } && are_few {
             self.linearize_batched::<FEW>(points);
-        } else {
+        } else if const { !P::LONG && Self::MAY_BE[1] } {
             self.linearize_in_pairs(points);
         }
     }

@@ -4,7 +4,6 @@ pub(crate) mod control;
 pub(crate) mod net;
 pub(crate) mod one_step;
 
-use crate::domain_error::DomainFinding;
 use crate::error::RecordError;
 use crate::files::{file, read_json};
 use pinc_config::{Experiment, ModelKind, Preset, TimeUnit};
@@ -109,17 +108,13 @@ impl Metrics {
         self.one_step.iter().find(|of| of.model == model)
     }
 
-    /// Whether the net is badly wrong somewhere in its domain.
+    /// What a user must know of a net that is badly wrong somewhere in its domain.
     #[must_use]
-    pub fn domain_finding(&self) -> Option<DomainFinding> {
-        let validation = self.validation.as_ref()?;
-        let finding = validation.domain_error.as_ref()?.finding(&self.states, &self.inputs)?;
+    pub fn domain_finding(&self) -> Option<String> {
         let training = self.training.as_ref();
         let losses = training.and_then(|training| training.loss.zip(training.fresh_loss));
-        Some(match losses {
-            Some((loss, fresh)) => finding.of_training(loss, fresh),
-            None => finding,
-        })
+        let judged = self.validation.as_ref()?.domain_error.as_ref()?;
+        judged.finding([&self.states, &self.inputs], losses)
     }
 
     /// Whether the net was trained on an integrator's steps.

@@ -45,15 +45,15 @@ impl DomainErrorTable {
     ///
     /// [`RecordError`], with the line and column of what is wrong.
     pub fn read(path: &Path) -> Result<Option<Self>, RecordError> {
-        let Some(file) = CsvFile::read(path)? else { return Ok(None) };
-        let last = file.head.header.len() - 1;
-        if file.head.header.get(last) != Some(ERROR) {
-            return Err(file.head.missing(ERROR));
+        let Some(CsvFile { head, rows }) = CsvFile::read(path)? else { return Ok(None) };
+        let last = head.header.len() - 1;
+        if head.header.get(last) != Some(ERROR) {
+            return Err(head.missing(ERROR));
         }
-        let variables = file.head.header.iter().take(last).map(str::to_owned).collect();
-        let points = file.rows.iter().map(|row| file.head.numbers(row, 0..last));
+        let variables = head.header.iter().take(last).map(str::to_owned).collect();
+        let points = rows.iter().map(|row| head.numbers(row, 0..last));
         let points = points.collect::<Result<_, _>>()?;
-        let errors = file.rows.iter().map(|row| file.head.number(row, last));
+        let errors = rows.iter().map(|row| head.number(row, last));
         Ok(Some(Self { variables, points, errors: errors.collect::<Result<_, _>>()? }))
     }
 }

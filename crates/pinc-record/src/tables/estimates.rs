@@ -83,43 +83,37 @@ impl EstimateTable {
     ///
     /// [`RecordError`], with the line and column of what is wrong.
     pub fn read(path: &Path) -> Result<Option<Self>, RecordError> {
-        let Some(file) = CsvFile::read(path)? else { return Ok(None) };
-        let t = file.head.place(TIME)?;
+        let Some(CsvFile { head: file, rows }) = CsvFile::read(path)? else { return Ok(None) };
+        let t = file.place(TIME)?;
         let with_partner = |partner: fn(&str) -> Option<String>| -> Vec<String> {
-            let columns = file.head.header.iter();
-            let has = |name: &&str| partner(name).is_some_and(|p| file.head.position(&p).is_some());
+            let columns = file.header.iter();
+            let has = |name: &&str| partner(name).is_some_and(|p| file.position(&p).is_some());
             columns.filter(has).map(str::to_owned).collect()
         };
         let names = with_partner(|name| Some(format!("{name}_sd")));
         let innovation = |name: &str| Some(format!("innovation_{}", name.strip_prefix("y_")?));
         let measured = with_partner(innovation);
         let measured: Vec<_> = measured.iter().map(|name| name[2..].to_owned()).collect();
-        let places = |names: &[String], form: fn(&str) -> String| {
-            let places = names.iter().map(|name| file.head.place(&form(name)));
-            places.collect::<Result<Vec<_>, _>>()
-        };
-        let estimates = places(&names, str::to_owned)?;
-        let sd = places(&names, |name| format!("{name}_sd"))?;
-        let y = places(&measured, |name| format!("y_{name}"))?;
-        let innovations = places(&measured, |name| format!("innovation_{name}"))?;
-        let (nis, nees) = (file.head.place(NIS)?, file.head.place(NEES)?);
-        let rejected = file.head.position(REJECTED);
-        let mut rows = Vec::new();
-        for row in &file.rows {
-            let numbers = |places: &[usize]| {
-                places.iter().map(|&place| file.head.number(row, place)).collect::<Result<_, _>>()
-            };
-            rows.push(EstimateRow {
-                t: file.head.number(row, t)?,
+        let estimates = file.places(&names, str::to_owned)?;
+        let sd = file.places(&names, |name| format!("{name}_sd"))?;
+        let y = file.places(&measured, |name| format!("y_{name}"))?;
+        let innovations = file.places(&measured, |name| format!("innovation_{name}"))?;
+        let (nis, nees) = (file.place(NIS)?, file.place(NEES)?);
+        let rejected = file.position(REJECTED);
+        let row = |row| {
+            let numbers = |places: &[usize]| file.numbers(row, places.iter().copied());
+            Ok(EstimateRow {
+                t: file.number(row, t)?,
                 estimate: numbers(&estimates)?,
                 sd: numbers(&sd)?,
                 measured: numbers(&y)?,
                 innovation: numbers(&innovations)?,
-                nis: file.head.number(row, nis)?,
-                nees: file.head.number(row, nees)?,
-                rejected: rejected.map_or(Ok(0), |place| file.head.whole(row, place))?,
-            });
-        }
+                nis: file.number(row, nis)?,
+                nees: file.number(row, nees)?,
+                rejected: rejected.map_or(Ok(0), |place| file.whole(row, place))?,
+            })
+        };
+        let rows = rows.iter().map(row).collect::<Result<_, RecordError>>()?;
         Ok(Some(Self { names, measured, rows }))
     }
 }

@@ -55,27 +55,21 @@ impl ResidualTable {
     ///
     /// [`RecordError`], with the line and column of what is wrong.
     pub fn read(path: &Path) -> Result<Option<Self>, RecordError> {
-        let Some(file) = CsvFile::read(path)? else { return Ok(None) };
-        let names = file.head.header.iter().filter_map(|name| name.strip_prefix("fit_"));
+        let Some(CsvFile { head, rows }) = CsvFile::read(path)? else { return Ok(None) };
+        let names = head.header.iter().filter_map(|name| name.strip_prefix("fit_"));
         let measured: Vec<String> = names.map(str::to_owned).collect();
-        let places = |form: &str| {
-            let places = measured.iter().map(|name| file.head.place(&format!("{form}{name}")));
-            places.collect::<Result<Vec<_>, _>>()
+        let (t, of_file) = (head.place(TIME)?, head.place(FILE)?);
+        let y = head.places(&measured, |name| format!("y_{name}"))?;
+        let fit = head.places(&measured, |name| format!("fit_{name}"))?;
+        let row = |row| {
+            Ok(ResidualRow {
+                file: head.whole(row, of_file)?,
+                t: head.number(row, t)?,
+                measured: head.numbers(row, y.iter().copied())?,
+                fitted: head.numbers(row, fit.iter().copied())?,
+            })
         };
-        let (t, of_file) = (file.head.place(TIME)?, file.head.place(FILE)?);
-        let (y, fit) = (places("y_")?, places("fit_")?);
-        let mut rows = Vec::new();
-        for row in &file.rows {
-            let numbers = |places: &[usize]| {
-                places.iter().map(|&place| file.head.number(row, place)).collect::<Result<_, _>>()
-            };
-            rows.push(ResidualRow {
-                file: row[of_file].parse().map_err(|_| file.head.not_a_number(row, of_file))?,
-                t: file.head.number(row, t)?,
-                measured: numbers(&y)?,
-                fitted: numbers(&fit)?,
-            });
-        }
+        let rows = rows.iter().map(row).collect::<Result<_, RecordError>>()?;
         Ok(Some(Self { measured, rows }))
     }
 }

@@ -69,23 +69,18 @@ impl StatePairs {
     ///
     /// [`RecordError`], with the line and column of what is wrong.
     pub fn read(path: &Path, of: Pair) -> Result<Option<Self>, RecordError> {
-        let Some(file) = CsvFile::read(path)? else { return Ok(None) };
+        let Some(CsvFile { head, rows }) = CsvFile::read(path)? else { return Ok(None) };
         let [first, second] = of.suffixes();
-        let names = file.head.header.iter().filter_map(|name| name.strip_suffix(second));
+        let names = head.header.iter().filter_map(|name| name.strip_suffix(second));
         let states: Vec<String> = names.map(str::to_owned).collect();
-        let places = |suffix: &str| {
-            let places = states.iter().map(|name| file.head.place(&format!("{name}{suffix}")));
-            places.collect::<Result<Vec<_>, _>>()
-        };
-        let (t, first, second) = (file.head.place(TIME)?, places(first)?, places(second)?);
+        let places = |suffix: &str| head.places(&states, |name| format!("{name}{suffix}"));
+        let (t, first, second) = (head.place(TIME)?, places(first)?, places(second)?);
         let row = |row| {
-            let numbers = |places: &[usize]| {
-                places.iter().map(|&place| file.head.number(row, place)).collect::<Result<_, _>>()
-            };
+            let numbers = |places: &[usize]| head.numbers(row, places.iter().copied());
             let values = [numbers(&first)?, numbers(&second)?];
-            Ok(PairRow { t: file.head.number(row, t)?, values })
+            Ok(PairRow { t: head.number(row, t)?, values })
         };
-        let rows = file.rows.iter().map(row).collect::<Result<_, RecordError>>()?;
+        let rows = rows.iter().map(row).collect::<Result<_, RecordError>>()?;
         Ok(Some(Self { of, states, rows }))
     }
 }

@@ -116,15 +116,12 @@ impl SummaryTable {
     /// [`RecordError`], with the line and column of what is wrong.
     pub fn read(path: &Path) -> Result<Option<Self>, RecordError> {
         let Some(CsvFile { head: file, rows }) = CsvFile::read(path)? else { return Ok(None) };
-        let cells = file.place(COLUMNS[0])?;
-        let mut places = [0; COLUMNS.len()];
-        for (place, column) in places.iter_mut().zip(COLUMNS) {
-            *place = file.place(column)?;
-        }
+        let places = COLUMNS.map(|column| file.place(column));
+        let places = places.into_iter().collect::<Result<Vec<_>, _>>()?;
+        let cells = places[0];
         let row = |row| {
             let text = |place: usize| csv::StringRecord::get(row, place).unwrap_or_default();
-            let count =
-                |i: usize| text(places[i]).parse().map_err(|_| file.not_a_number(row, places[i]));
+            let count = |i: usize| file.whole(row, places[i]);
             let value = |i: usize| file.number(row, places[i]);
             Ok(SummaryRow {
                 cell: (0..cells).map(|place| text(place).to_owned()).collect(),

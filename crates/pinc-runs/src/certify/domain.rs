@@ -4,6 +4,7 @@ use super::subject::Subject;
 use crate::invocation::cores;
 use crate::progress::Stage;
 use crate::{Options, RunError};
+use pinc_config::sha256;
 use pinc_record::{ByName, DomainCertificate, RunDir, file, read_text};
 use pinc_report::{BoxMap, MapLabels, ValuedBox};
 use pinc_verify::{Bracket, Leaf, Search, SearchSettings, StepError};
@@ -36,7 +37,7 @@ pub(super) fn search(
 ) -> Result<Result<DomainCertificate, String>, RunError> {
     let clock = Instant::now();
     let threads = cores();
-    let key = super::hash(&subject.key);
+    let key = sha256(&subject.key);
     let saved = if options.resume { read(run_dir)? } else { None };
     let mut search = match saved.filter(|saved| saved.key == key) {
         Some(saved) => saved.search,

@@ -15,7 +15,6 @@ use pinc_record::{
     CertificateMetrics, CsvText, DomainCertificate, Provenance, RunDir, file, number,
 };
 use points::{Judged, random, read_points};
-use sha2::{Digest, Sha256};
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 use subject::Subject;
@@ -34,11 +33,6 @@ pub struct Certify {
     pub domain: bool,
     /// The time for that in s; none for as long as it takes.
     pub budget_s: Option<f64>,
-}
-
-/// SHA-256 in hexadecimal digits.
-pub(crate) fn hash(bytes: &[u8]) -> String {
-    Sha256::digest(bytes).iter().map(|byte| format!("{byte:02x}")).collect()
 }
 
 /// The ends of the states, inputs and parameters of a domain.

@@ -1,8 +1,7 @@
 //! The points that are judged: drawn at random, or rows of a file.
 
 use crate::RunError;
-use crate::columns::{finite, rows};
-use crate::error::CsvProblem;
+use crate::columns::{finite, place, rows};
 use pinc_record::read_file;
 use rand::rngs::ChaCha8Rng;
 use rand::{RngExt, SeedableRng};
@@ -39,16 +38,9 @@ pub(super) fn read_points(path: &Path, variables: &[String]) -> Result<Vec<Vec<f
     let text = read_file(path)?;
     let at = |(line, problem)| RunError::Csv { path: path.to_owned(), line, problem };
     let (header, rows) = rows(&text).map_err(at)?;
-    let place = |name: &String| {
-        let missing =
-            || CsvProblem::MissingColumn { column: name.clone(), expected: variables.join(",") };
-        header.iter().position(|column| column == name).ok_or_else(missing)
-    };
-    let places: Vec<usize> = variables
-        .iter()
-        .map(place)
-        .collect::<Result<_, _>>()
-        .map_err(|problem| at((1, problem)))?;
+    let places = variables.iter().map(|name| place(&header, name, variables));
+    let places: Vec<usize> =
+        places.collect::<Result<_, _>>().map_err(|problem| at((1, problem)))?;
     let mut points = Vec::new();
     for row in rows {
         let (line, cells) = row.map_err(at)?;

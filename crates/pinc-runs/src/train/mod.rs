@@ -279,8 +279,7 @@ impl Session {
         (threads, options, run_dir): (&Threads<'_>, &Options<'_>, &RunDir),
         mut work: impl FnMut(&mut Self) -> Result<String, RunError>,
     ) -> Result<Box<Certificate>, RunError> {
-        let refused =
-            |reason: String| RunError::NotProven { name: experiment.name.clone(), reason };
+        let refused = |reason: String| proof::not_proven(experiment, &reason);
         for _ in 0..MOST_ROUNDS {
             let (net, threads) = (self.trainer.net(), (threads.now)());
             let tolerance = proof::tolerances(&net, tolerance);
