@@ -98,7 +98,7 @@ def main():
                 print("   not solved:", *missed)
     with open(out, "w", newline="") as file:
         writer = csv.writer(file)
-        writer.writerow(["solver", "accuracy", "solved", "largest residual", "median us", "shifted mean s"])
+        writer.writerow(["solver", "accuracy", "solved", "largest residual", "median (us)", "mean (s)"])
         writer.writerows(rows)
 
 
