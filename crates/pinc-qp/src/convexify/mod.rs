@@ -34,7 +34,7 @@ const EXCESSIVE: f64 = 1e6;
 /// must be positive definite. Where it is not, its negative eigenvalues lambda become `|lambda|`
 /// (and small ones a little positive), and `T_j` gets the difference. The Hessians of the states
 /// may stay indefinite: where G is positive definite at all stages, the program is left as it is
-/// and has one solution. Where `T_j` would get more than [`EXCESSIVE`], the Hessians of the states and of
+/// and has one solution. Where `T_j` would get a million times the largest entry, the Hessians of the states and of
 /// the inputs lose their negative eigenvalues, and their products, stage by stage instead.
 ///
 /// Before that, a program that is not convex may get curvature along its active rows, c'd = r for one
