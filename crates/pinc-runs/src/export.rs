@@ -3,7 +3,7 @@
 use super::chosen::{Chosen, ModelFile};
 use super::model_error::tolerances;
 use super::proof::certificate;
-use super::shared_library::shared_library;
+use super::shared_library::shared_libraries;
 use super::{chainable, parse_model, read_matching_model};
 use crate::RunError;
 use pinc_config::{EstimatorKind, Experiment, ModelKind, OnError, Variables, sha256};
@@ -334,15 +334,13 @@ fn proven(net: &PincNet) -> Option<String> {
     certificate(net).map(|of| of.to_string())
 }
 
-/// The FMU of this content, with a binary for this machine where it has a C compiler.
+/// The FMU of this content, with binaries for this machine and others that it has compilers for.
 fn fmu(
     mut content: Vec<GeneratedFile>,
     name: &Name,
     version: FmiVersion,
 ) -> Result<GeneratedFile, RunError> {
-    if let Some(binary) = shared_library(&content, name, version)? {
-        content.push(binary);
-    }
+    content.extend(shared_libraries(&content, name, version)?);
     let bytes = pinc_export::archive(&content)?;
     Ok(GeneratedFile { path: format!("{}.fmu", name.as_str()), bytes })
 }
