@@ -196,8 +196,8 @@ impl Standard {
         good
     }
 
-    /// The model to use: of those that cost as little as the cheapest, another rather than a net,
-    /// which has to be trained, and then the most exact one.
+    /// The model to use: of those that cost as little as the cheapest, one without a training rather
+    /// than a net, and then the most exact one.
     pub(crate) fn winner<'a>(&self, tried: &'a [Tried]) -> Option<(&'a Tried, &'a Score)> {
         let ranking = self.ranking(tried);
         let (_, cheapest) = ranking.first()?;

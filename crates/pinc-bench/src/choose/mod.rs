@@ -53,9 +53,8 @@ impl std::fmt::Display for Choice {
 ///
 /// # Errors
 ///
-/// [`RunError`] if the config has no closed loop, no loop with an integrator, or with a black box
-/// itself, succeeds, or files
-/// cannot be written.
+/// [`RunError`] if the config has no closed loop, if no loop succeeds with an integrator or with the
+/// black box itself, or if files cannot be written.
 pub fn choose(
     experiment: &Experiment,
     dir: &Path,

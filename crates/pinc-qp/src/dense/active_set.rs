@@ -254,9 +254,7 @@ impl ActiveSet {
         let most_changes = 10 * (self.mu.len() + 10);
         let mut fresh = true;
         while self.changes <= most_changes {
-            self.x.copy_from_slice(&self.y);
-            self.cholesky.backward(&mut self.x);
-            qp.values(&self.x, &mut self.values);
+            self.find_x(qp);
             match self.worst(qp) {
                 Some(_) if self.changes > 0 && expired() => return DenseStatus::Expired,
                 Some(candidate) => {
@@ -393,13 +391,15 @@ impl ActiveSet {
             *rate = member.bound;
         }
         qr.solve_transposed(rates);
-        let held = working.len();
-        z[..held].copy_from_slice(&rates[..held]);
-        qr.meet(y, rates);
         if *proximal > 0.0 {
-            // What no row holds is as large in y as 1 / delta: this takes off what rounding left.
+            // What no row holds is as large in y as 1 / delta: twice takes off what rounding leaves.
+            let held = working.len();
+            z[..held].copy_from_slice(&rates[..held]);
             qr.meet(y, z);
+            qr.meet(y, rates);
             add_scaled(&mut rates[..held], 1.0, &z[..held]);
+        } else {
+            qr.meet(y, rates);
         }
         qr.solve(rates);
         for (rate, member) in rates.iter().zip(working.iter()) {
@@ -537,12 +537,17 @@ impl ActiveSet {
         self.qr.remove(k);
     }
 
-    /// By how much a row is off, without the rounding of the steps so far.
-    fn gap_afresh(&mut self, qp: &DenseQp, member: &WorkingRow) -> f64 {
-        self.resolve(qp);
+    /// Computes x and (x, C x) from y.
+    fn find_x(&mut self, qp: &DenseQp) {
         self.x.copy_from_slice(&self.y);
         self.cholesky.backward(&mut self.x);
         qp.values(&self.x, &mut self.values);
+    }
+
+    /// By how much a row is off, without the rounding of the steps so far, which its rates lose too.
+    fn gap_afresh(&mut self, qp: &DenseQp, member: &WorkingRow) -> f64 {
+        self.resolve(qp);
+        self.find_x(qp);
         self.find_rates(qp, member.row);
         (self.values[member.row] - member.bound).abs()
     }

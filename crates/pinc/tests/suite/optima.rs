@@ -69,8 +69,8 @@ fn a_cost_that_is_wrong_is_named_with_its_key() {
     }
 }
 
-/// A cost that curves downwards: converged in 39 programs and not after 300, since steps along which
-/// negative curvature was dropped are lengthened. The cost is IPOPT's.
+/// The cost is concave along some plans. Because steps without their negative curvature are lengthened,
+/// 39 programs are enough; with whole steps, 300 are not. The expected cost is IPOPT's.
 #[test]
 fn steps_along_negative_curvature_are_lengthened() {
     let text = r#"
