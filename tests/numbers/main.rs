@@ -126,8 +126,7 @@ impl Options {
             left.extend(claims.iter().filter(|of| !self.takes(of)).map(|of| of.command.clone()));
             let taken: Vec<Claim> = claims.iter().filter(|of| self.takes(of)).cloned().collect();
             let faults: Vec<Fault> =
-                taken.iter().filter_map(|of| checker.fault(page, of)).collect();
-            tell(page, &faults);
+                taken.iter().filter_map(|of| checker.told_fault(page, of)).collect();
             if self.writes {
                 let text = checker.corrected(page, &taken);
                 book::write(&self.root.join(&page.path), &text)?;
@@ -175,6 +174,11 @@ struct Checker {
 }
 
 impl Checker {
+    /// What is wrong with a claim, said at once: all commands together take an hour.
+    fn told_fault(&self, page: &Page, claim: &Claim) -> Option<Fault> {
+        self.fault(page, claim).inspect(|fault| tell(page, std::slice::from_ref(fault)))
+    }
+
     /// What is wrong with a claim.
     fn fault(&self, page: &Page, claim: &Claim) -> Option<Fault> {
         let fault = |what| Some(Fault { at: claim.span.start, what });

@@ -23,26 +23,20 @@ impl Cholesky {
         Self { size, square: vec![0.0; size * size], inverse_diagonal: vec![0.0; size] }
     }
 
-    /// Factors H, `[n, n]`, of which only the lower triangle, column by column, is read; `false` if
-    /// it is not positive definite.
+    /// Factors H + shift I, where of H, `[n, n]`, only the lower triangle, column by column, is read;
+    /// `false` if it is not positive definite.
     /// `None`: `expired` said before the end that the time is up.
     pub(crate) fn factor_within(
         &mut self,
         h: &[f64],
+        shift: f64,
         expired: &mut dyn FnMut() -> bool,
     ) -> Option<bool> {
-        if self.size < UNASKED {
-            return Some(self.factor_sized(h, self.size));
+        self.square.copy_from_slice(h);
+        if shift > 0.0 {
+            self.square.iter_mut().step_by(self.size + 1).for_each(|entry| *entry += shift);
         }
-        self.square.copy_from_slice(h);
         self.factor_columns(h, self.size, |c| c % UNASKED == UNASKED - 1 && expired())
-    }
-
-    /// Factors H + shift I without a time limit; `false` if it is not positive definite.
-    pub(crate) fn factor_shifted(&mut self, h: &[f64], shift: f64) -> bool {
-        self.square.copy_from_slice(h);
-        self.square.iter_mut().step_by(self.size + 1).for_each(|entry| *entry += shift);
-        self.factor_columns(h, self.size, |_| false) == Some(true)
     }
 
     /// Factors H without a time limit, unrolled where the caller's n is a constant.
@@ -234,7 +228,7 @@ mod tests {
 
     #[test]
     fn matrices_that_are_not_positive_definite_are_refused() {
-        let factors = |h: [f64; 4]| Cholesky::new(2).factor_within(&h, &mut || true);
+        let factors = |h: [f64; 4]| Cholesky::new(2).factor_within(&h, 0.0, &mut || true);
         assert_eq!(factors([2.0, 1.0, 1.0, 2.0]), Some(true));
         assert_eq!(factors([1.0, 2.0, 2.0, 1.0]), Some(false));
         assert_eq!(factors([0.0, 0.0, 0.0, 1.0]), Some(false));
@@ -255,7 +249,7 @@ mod tests {
                 looks += 1;
                 looks > last
             };
-            assert_eq!(Cholesky::new(n).factor_within(&h, &mut expired), expected, "{last}");
+            assert_eq!(Cholesky::new(n).factor_within(&h, 0.0, &mut expired), expected, "{last}");
         }
     }
 }

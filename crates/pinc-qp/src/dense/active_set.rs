@@ -1,7 +1,7 @@
 //! The dual active-set method.
 
 use super::DenseQp;
-use crate::algebra::{add_scaled, all_finite, dot, largest};
+use crate::algebra::{add_scaled, all_finite, dot};
 use crate::factor::{Cholesky, ThinQr};
 use crate::{FARTHEST, QpWork};
 
@@ -17,16 +17,6 @@ const DEPENDENT: f64 = 1e-10;
 
 /// A working row that is off by more than this, relative to the numbers involved, is not met.
 const MET: f64 = 1e-7;
-
-/// The proximal terms that a singular H is tried with, as parts of its largest entry: far enough above
-/// what rounding leaves of a pivot that is 0.
-const PROXIMAL: [f64; 3] = [1e-10, 1e-8, 1e-6];
-
-/// The slope that the proximal term may leave, relative to 1 + the largest of g.
-const SLOPE: f64 = 1e-11;
-
-/// How many proximal points there are at most.
-const CENTERS: usize = 30;
 
 /// How many rows of the guess join the working set between two looks at the clock.
 const UNASKED: usize = 8;
@@ -53,9 +43,7 @@ const UNASKED: usize = 8;
 /// smaller, so no working set is met twice except by rounding, which the limit on changes guards
 /// against.
 ///
-/// A singular H is replaced by H + delta I with a small delta, and the minimum is sought again with
-/// `delta (x - x_before)` in the gradient until x stays: the proximal point method (Rockafellar, SIAM J.
-/// Control Optim. 14 (1976)), which ends at a minimum of the program as it is.
+/// A singular H is left to the proximal point method.
 ///
 /// All memory is allocated at construction.
 #[derive(Clone, Debug)]
@@ -63,7 +51,7 @@ pub(crate) struct ActiveSet {
     cholesky: Cholesky,
     qr: ThinQr,
     working: Vec<WorkingRow>,
-    x: Vec<f64>,
+    pub(super) x: Vec<f64>,
     y: Vec<f64>,
     mu: Vec<f64>,
     /// (x, C x)
@@ -73,11 +61,11 @@ pub(crate) struct ActiveSet {
     rates: Vec<f64>,
     z: Vec<f64>,
     /// delta, 0 where H is regular.
-    proximal: f64,
+    pub(super) proximal: f64,
     /// g - delta `x_before`
-    linear: Vec<f64>,
+    pub(super) linear: Vec<f64>,
     tolerance: f64,
-    changes: usize,
+    pub(super) changes: usize,
     /// What all solutions took.
     pub(crate) work: QpWork,
 }
@@ -190,9 +178,7 @@ impl ActiveSet {
         self.changes = 0;
         self.tolerance = TOLERANCE;
         self.linear.copy_from_slice(&qp.gradient);
-        self.proximal = 0.0;
-        self.work.factorizations += 1;
-        match self.cholesky.factor_within(&qp.hessian, expired) {
+        match self.factor(qp, 0.0, expired) {
             Some(true) if !self.start(qp, expired) => return DenseStatus::ExpiredAtStart,
             Some(true) => match self.meet_rows(qp, expired) {
                 DenseStatus::Failed => {}
@@ -204,53 +190,24 @@ impl ActiveSet {
         self.solve_singular(qp, expired)
     }
 
-    /// The proximal point method.
-    fn solve_singular(&mut self, qp: &DenseQp, expired: &mut dyn FnMut() -> bool) -> DenseStatus {
-        self.changes = 0;
-        if !self.factor_singular(qp) {
-            return DenseStatus::Failed;
-        }
-        if !self.start(qp, expired) {
-            return DenseStatus::ExpiredAtStart;
-        }
-        for _ in 0..CENTERS {
-            match self.meet_rows(qp, expired) {
-                DenseStatus::Solved if self.move_center(qp) => {}
-                status => return status,
-            }
-        }
-        DenseStatus::Failed
-    }
-
-    /// Factors H + delta I; `false` if that is not positive definite either.
-    fn factor_singular(&mut self, qp: &DenseQp) -> bool {
-        let diagonal = qp.hessian.iter().step_by(qp.unknowns + 1);
-        let most = diagonal.fold(0.0_f64, |most, entry| entry.max(most));
-        PROXIMAL.into_iter().any(|part| {
-            self.proximal = part * if most > 0.0 { most } else { 1.0 };
-            self.work.factorizations += 1;
-            self.cholesky.factor_shifted(&qp.hessian, self.proximal)
-        })
-    }
-
-    /// Takes x for the next proximal point; whether it is another than before.
-    fn move_center(&mut self, qp: &DenseQp) -> bool {
-        let mut slope = 0.0_f64;
-        for ((linear, g), x) in self.linear.iter_mut().zip(&qp.gradient).zip(&self.x) {
-            let next = g - self.proximal * x;
-            slope = slope.max((next - *linear).abs());
-            *linear = next;
-        }
-        let moved = slope > SLOPE * (1.0 + largest(&qp.gradient));
-        if moved {
-            self.resolve(qp);
-            self.drop_excessive(qp);
-        }
-        moved
+    /// Factors H + delta I; `false` if it is not positive definite, `None` if the time was up.
+    pub(super) fn factor(
+        &mut self,
+        qp: &DenseQp,
+        delta: f64,
+        expired: &mut dyn FnMut() -> bool,
+    ) -> Option<bool> {
+        self.proximal = delta;
+        self.work.factorizations += 1;
+        self.cholesky.factor_within(&qp.hessian, delta, expired)
     }
 
     /// Finds x for the working set and changes this until all rows are met.
-    fn meet_rows(&mut self, qp: &DenseQp, expired: &mut dyn FnMut() -> bool) -> DenseStatus {
+    pub(super) fn meet_rows(
+        &mut self,
+        qp: &DenseQp,
+        expired: &mut dyn FnMut() -> bool,
+    ) -> DenseStatus {
         let most_changes = 10 * (self.mu.len() + 10);
         let mut fresh = true;
         while self.changes <= most_changes {
@@ -295,7 +252,7 @@ impl ActiveSet {
 
     /// Makes the working set of the guess, less the rows whose multipliers it gets wrong; whether
     /// it came to the end before the time was up.
-    fn start(&mut self, qp: &DenseQp, expired: &mut dyn FnMut() -> bool) -> bool {
+    pub(super) fn start(&mut self, qp: &DenseQp, expired: &mut dyn FnMut() -> bool) -> bool {
         self.working.clear();
         self.qr.clear();
         for row in 0..self.mu.len() {
@@ -314,7 +271,7 @@ impl ActiveSet {
     }
 
     /// Takes the rows out of the working set whose multipliers are outside their limits.
-    fn drop_excessive(&mut self, qp: &DenseQp) {
+    pub(super) fn drop_excessive(&mut self, qp: &DenseQp) {
         while let Some(gone) = self.most_excessive() {
             let member = self.working[gone];
             self.mu[member.row] = self.mu[member.row].clamp(member.least, member.most);
@@ -372,7 +329,7 @@ impl ActiveSet {
     }
 
     /// Computes y and the multipliers of the working set afresh.
-    fn resolve(&mut self, qp: &DenseQp) {
+    pub(super) fn resolve(&mut self, qp: &DenseQp) {
         let Self { cholesky, qr, working, y, mu, rates, z, linear, proximal, .. } = self;
         for member in working.iter() {
             mu[member.row] = 0.0;

@@ -1,6 +1,7 @@
 //! Small dense quadratic programs.
 
 mod active_set;
+mod proximal;
 #[cfg(test)]
 mod tests;
 

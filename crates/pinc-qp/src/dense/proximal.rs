@@ -1,0 +1,67 @@
+//! The proximal point method (Rockafellar, SIAM J. Control Optim. 14 (1976)) for singular Hessians.
+//!
+//! H is replaced by H + delta I with a small delta, and the minimum is sought again with
+//! `delta (x - x_before)` in the gradient until x stays, which is a minimum of the program as it is.
+
+use super::DenseQp;
+use super::active_set::{ActiveSet, DenseStatus};
+use crate::algebra::largest;
+
+/// The proximal terms that a singular H is tried with, as parts of its largest entry: far enough above
+/// what rounding leaves of a pivot that is 0.
+const PROXIMAL: [f64; 3] = [1e-10, 1e-8, 1e-6];
+
+/// The slope that the proximal term may leave, relative to 1 + the largest of g.
+const SLOPE: f64 = 1e-11;
+
+/// How many proximal points there are at most.
+const CENTERS: usize = 30;
+
+impl ActiveSet {
+    /// Solves `qp` although the factor of its H failed, or too many digits were lost with it.
+    pub(super) fn solve_singular(
+        &mut self,
+        qp: &DenseQp,
+        expired: &mut dyn FnMut() -> bool,
+    ) -> DenseStatus {
+        self.changes = 0;
+        match self.factor_singular(qp, expired) {
+            Some(true) if self.start(qp, expired) => {}
+            Some(false) => return DenseStatus::Failed,
+            Some(true) | None => return DenseStatus::ExpiredAtStart,
+        }
+        for _ in 0..CENTERS {
+            match self.meet_rows(qp, expired) {
+                DenseStatus::Solved if self.move_center(qp) => {}
+                status => return status,
+            }
+        }
+        DenseStatus::Failed
+    }
+
+    /// Factors H + delta I with the least delta with which it is positive definite; `false` if it is
+    /// with none, `None` if the time was up before.
+    fn factor_singular(&mut self, qp: &DenseQp, expired: &mut dyn FnMut() -> bool) -> Option<bool> {
+        let diagonal = qp.hessian.iter().step_by(qp.unknowns + 1);
+        let most = diagonal.fold(0.0_f64, |most, entry| entry.max(most));
+        let size = if most > 0.0 { most } else { 1.0 };
+        let mut factored = PROXIMAL.into_iter().map(|part| self.factor(qp, part * size, expired));
+        factored.find(|factored| *factored != Some(false)).unwrap_or(Some(false))
+    }
+
+    /// Takes x for the next proximal point; whether it is another than before.
+    fn move_center(&mut self, qp: &DenseQp) -> bool {
+        let mut slope = 0.0_f64;
+        for ((linear, g), x) in self.linear.iter_mut().zip(&qp.gradient).zip(&self.x) {
+            let next = g - self.proximal * x;
+            slope = slope.max((next - *linear).abs());
+            *linear = next;
+        }
+        let moved = slope > SLOPE * (1.0 + largest(&qp.gradient));
+        if moved {
+            self.resolve(qp);
+            self.drop_excessive(qp);
+        }
+        moved
+    }
+}
