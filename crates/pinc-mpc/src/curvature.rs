@@ -68,8 +68,9 @@ pub(crate) struct At<'a> {
 /// What the exact Hessian is for.
 #[derive(Clone, Copy)]
 pub(crate) enum Purpose {
-    /// A program, whose active rows are likely the plan's if they are `settled`.
-    Step { settled: bool },
+    /// A program, whose active rows are likely the plan's if they are `settled`, with this part of its
+    /// largest entry on its diagonal.
+    Step { settled: bool, damping: f64 },
     /// To see whether the plan is a minimum.
     Judgement,
 }
@@ -160,7 +161,9 @@ impl Curvature {
         }
         let multipliers = &at.plan.multipliers;
         Some(match purpose {
-            Purpose::Step { settled } => self.convexifier.apply(qp, settled.then_some(multipliers)),
+            Purpose::Step { settled, damping } => {
+                self.convexifier.apply(qp, settled.then_some(multipliers), damping)
+            }
             Purpose::Judgement => self.convexifier.finds_descent(qp, multipliers),
         })
     }

@@ -345,7 +345,7 @@ impl Sqp {
                     model,
                     input,
                     plan,
-                    Purpose::Step { settled: self.settled },
+                    Purpose::Step { settled: self.settled, damping: self.hessian.damping() },
                     expired,
                 ) {
                     Some(dropped) => {
@@ -576,6 +576,7 @@ impl Sqp {
     }
 
     fn accept_trial(&mut self, length: f64) {
+        self.hessian.take_note(length);
         self.step_length.remember(&self.step.d, length);
         std::mem::swap(&mut self.qp, &mut self.trial);
     }

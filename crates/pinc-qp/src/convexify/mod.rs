@@ -20,9 +20,13 @@ const ACTIVE: f64 = 1e-7;
 /// that is solved, and where only the sign of other curvature matters.
 const HELD: [f64; 2] = [1e4, 1e8];
 
-/// A change of T above this part of the Hessian's largest entry drowns all else: unstable dynamics make
-/// that of a little negative curvature over a long horizon.
-const EXCESSIVE: f64 = 1e6;
+/// A change of T above this part of the Hessian's largest entry is no cure: unstable dynamics, or what
+/// is nearly singular, have made it of a little negative curvature.
+const EXCESSIVE: f64 = 10.0;
+
+/// The first and the largest shift that is tried, in the same terms, and by what it grows.
+const SHIFTS: [f64; 2] = [1e-6, 1e6];
+const GROWTH: f64 = 4.0;
 
 /// Makes a program convex on its dynamics: the Riccati recursion over (`dx_j`, `du_{j-1}`), as the
 /// stage-wise method has it, in which the curvature by the increment of a stage,
@@ -34,8 +38,10 @@ const EXCESSIVE: f64 = 1e6;
 /// must be positive definite. Where it is not, its negative eigenvalues lambda become `|lambda|`
 /// (and small ones a little positive), and `T_j` gets the difference. The Hessians of the states
 /// may stay indefinite: where G is positive definite at all stages, the program is left as it is
-/// and has one solution. Where `T_j` would get a million times the largest entry, the Hessians of the states and of
-/// the inputs lose their negative eigenvalues, and their products, stage by stage instead.
+/// and has one solution. Where `T_j` would change by far more than the Hessian's largest entry, delta I is
+/// added to the Hessian of all unknowns instead, with the least delta of a sequence with which G is
+/// positive definite at all stages, as interior-point methods correct the inertia (Waechter and
+/// Biegler, Math. Program. 106 (2006), section 3.1).
 ///
 /// Before that, a program that is not convex may get curvature along its active rows, c'd = r for one
 /// with a multiplier: `rho (c'd - r)^2 / 2`, which is 0 at a solution that keeps the row active, like
@@ -57,8 +63,6 @@ pub struct Convexifier {
     gain: Vec<f64>,
     /// T as it was.
     plain_t: Vec<f64>,
-    /// A Hessian of a stage, and its eigenvectors.
-    stage: [Vec<f64>; 2],
     holds: bool,
 }
 
@@ -77,7 +81,6 @@ impl Convexifier {
             vectors: vec![0.0; m * m],
             gain: vec![0.0; m * s],
             plain_t: vec![0.0; dims.n_controls * m * m],
-            stage: [vec![0.0; n.max(m).pow(2)], vec![0.0; n.max(m).pow(2)]],
             holds: false,
         }
     }
@@ -98,9 +101,14 @@ impl Convexifier {
     }
 
     /// Makes `qp`, which has a stage cost, convex; whether negative curvature was dropped. Active rows
-    /// are held, if need be, where their `multipliers` are known.
-    pub fn apply(&mut self, qp: &mut Qp, multipliers: Option<&Multipliers>) -> bool {
+    /// are held, if need be, where their `multipliers` are known. Before all else `damping` times its
+    /// largest entry is added to the diagonal.
+    pub fn apply(&mut self, qp: &mut Qp, multipliers: Option<&Multipliers>, damping: f64) -> bool {
         self.holds = false;
+        let size = largest_entry(qp);
+        if damping > 0.0 {
+            add_to_diagonals(qp, damping * size);
+        }
         if let Some(multipliers) = multipliers {
             if !self.recur(qp, true) {
                 return false;
@@ -112,32 +120,24 @@ impl Convexifier {
         let dropped = self.recur(qp, false);
         let changes = qp.t.iter().zip(&self.plain_t).map(|(t, plain)| (t - plain).abs());
         let change = changes.fold(0.0, f64::max);
-        if dropped && (change > EXCESSIVE * largest_entry(qp, &self.plain_t) || !all_finite(&qp.t))
-        {
+        if dropped && (change > EXCESSIVE * size || !all_finite(&qp.t)) {
             qp.t.copy_from_slice(&self.plain_t);
-            self.clip(qp);
-            self.recur(qp, false);
+            self.shift(qp, size);
         }
         dropped
     }
 
-    /// Takes the negative eigenvalues out of Q and T, and S and E away.
-    fn clip(&mut self, qp: &mut Qp) {
-        let OcpDims { nx, nu, .. } = qp.dims;
-        for (blocks, size) in [(&mut qp.q, nx), (&mut qp.t, nu)] {
-            let [matrix, vectors] = self.stage.each_mut().map(|list| &mut list[..size * size]);
-            for block in blocks.chunks_exact_mut(size * size) {
-                matrix.copy_from_slice(block);
-                diagonalize(matrix, vectors, size);
-                for (e, value) in matrix.iter().step_by(size + 1).enumerate() {
-                    if *value < 0.0 {
-                        add_outer(block, -value, vectors, (e, size));
-                    }
-                }
+    /// Adds delta I to the Hessian until no curvature is negative.
+    fn shift(&mut self, qp: &mut Qp, size: f64) {
+        let [first, last] = SHIFTS.map(|shift| shift * size);
+        let (mut shift, mut next) = (0.0, first);
+        while next <= last {
+            add_to_diagonals(qp, next - shift);
+            (shift, next) = (next, GROWTH * next);
+            if !self.recur(qp, true) {
+                return;
             }
         }
-        qp.s.fill(0.0);
-        qp.s_before.fill(0.0);
     }
 
     /// The recursion; whether curvature was negative. If so, it may end there.
@@ -184,24 +184,25 @@ impl Convexifier {
     }
 }
 
-/// The largest entry of Q, R and of a T, at least 1.
-fn largest_entry(qp: &Qp, t: &[f64]) -> f64 {
-    let entries = qp.q.iter().chain(t).chain(&qp.r);
+/// The largest entry of Q, R and T, at least 1.
+fn largest_entry(qp: &Qp) -> f64 {
+    let entries = qp.q.iter().chain(&qp.t).chain(&qp.r);
     entries.fold(1.0_f64, |most, entry| most.max(entry.abs()))
 }
 
-/// Adds `factor` v v' for column `e` of some `vectors`.
-fn add_outer(to: &mut [f64], factor: f64, vectors: &[f64], (e, size): (usize, usize)) {
-    for (i, row) in to.chunks_exact_mut(size).enumerate() {
-        for (k, entry) in row.iter_mut().enumerate() {
-            *entry += factor * vectors[i * size + e] * vectors[k * size + e];
+/// Adds to the diagonals of Q and T.
+fn add_to_diagonals(qp: &mut Qp, shift: f64) {
+    let OcpDims { nx, nu, .. } = qp.dims;
+    for (blocks, size) in [(&mut qp.q, nx), (&mut qp.t, nu)] {
+        for block in blocks.chunks_exact_mut(size * size) {
+            block.iter_mut().step_by(size + 1).for_each(|entry| *entry += shift);
         }
     }
 }
 
 /// Holds the rows with multipliers by curvature, a multiple of the largest entry of the Hessian.
 fn hold(qp: &mut Qp, multipliers: &Multipliers, multiple: f64) {
-    let rho = multiple * largest_entry(qp, &qp.t);
+    let rho = multiple * largest_entry(qp);
     let OcpDims { nx: n, nu: m, .. } = qp.dims;
     let states = qp.dims.all_states();
     let Qp { q, t, r, gradient, bounds, increments, dims, .. } = qp;

@@ -80,7 +80,7 @@ fn a_program_with_one_minimum_is_left_as_it_is() {
     let mut qp = program(9.0);
     let t = qp.t.clone();
     assert!(least(&qp) > 0.1, "{}", least(&qp));
-    assert!(!Convexifier::new(qp.dims).apply(&mut qp, None));
+    assert!(!Convexifier::new(qp.dims).apply(&mut qp, None, 0.0));
     assert_eq!(qp.t, t);
 }
 
@@ -92,7 +92,7 @@ fn negative_curvature_is_found_and_dropped() {
     for step in -20..40 {
         let mut qp = program(0.25 * f64::from(step));
         let before = least(&qp);
-        let dropped = Convexifier::new(qp.dims).apply(&mut qp, None);
+        let dropped = Convexifier::new(qp.dims).apply(&mut qp, None, 0.0);
         assert_eq!(dropped, before < 0.0, "{step}: {before}");
         assert!(least(&qp) > 0.0, "{step}: {}", least(&qp));
         changed += usize::from(dropped);
@@ -153,8 +153,8 @@ fn active_rows_are_held_where_they_are() {
         };
         qp.t[0] = -40.0;
         let before = qp.clone();
-        assert!(Convexifier::new(dims).apply(&mut before.clone(), None));
-        assert!(!Convexifier::new(dims).apply(&mut qp, Some(&multipliers)), "{kind}");
+        assert!(Convexifier::new(dims).apply(&mut before.clone(), None, 0.0));
+        assert!(!Convexifier::new(dims).apply(&mut qp, Some(&multipliers), 0.0), "{kind}");
         let change = |d: f64| moved(&qp, d) - moved(&before, d);
         // rho (d - 0.3)^2 / 2 but for a constant: least at 0.3.
         let [least, below, above] = [0.3, 0.2, 0.4].map(change);
@@ -191,30 +191,40 @@ fn eigenvalues_match_a_known_matrix() {
     }
 }
 
-/// Unstable dynamics make 1.5^200 of a negative curvature of 0.1: it is taken out of the stages.
+/// With unstable dynamics, which magnify what is changed at one stage, over many stages.
 #[test]
-fn what_unstable_dynamics_magnify_is_dropped_stage_by_stage() {
+fn the_shift_is_as_large_as_it_must_be_and_no_larger() {
     let mut dims = program(0.0).dims;
     (dims.nx, dims.nu, dims.horizon, dims.n_controls) = (2, 1, 100, 100);
     let mut qp = Qp::new(dims, [0.3, 0.4, 0.4, -0.3].repeat(100), vec![1.0; 100]).with_end_cost();
     (qp.a, qp.b) = ([1.5, 0.1, 0.0, 0.9].repeat(100), [1.0, 0.5].repeat(100));
     (qp.s, qp.s_before) = (vec![0.2; 200], vec![-0.1; 200]);
     qp.t = vec![-0.05; 100];
-    let mut short = qp.clone();
-    assert!(Convexifier::new(dims).apply(&mut qp, None));
-    // Eigenvalues 0.5 and -0.5, with the vectors (2, 1) and (1, -2) / sqrt 5.
-    for block in qp.q.chunks_exact(4) {
-        for (found, expected) in block.iter().zip([0.4, 0.2, 0.2, 0.1]) {
-            assert!((found - expected).abs() < 1e-12, "{block:?}");
-        }
+    let (before, mut convexifier) = (qp.clone(), Convexifier::new(dims));
+    assert!(convexifier.apply(&mut qp, None, 0.0));
+    let shift = qp.t[0] - before.t[0];
+    assert!((0.05..5.0).contains(&shift), "{shift}");
+    let mut expected = before.clone();
+    add_to_diagonals(&mut expected, shift);
+    for (found, expected) in [(&qp.q, &expected.q), (&qp.t, &expected.t), (&qp.s, &expected.s)] {
+        assert!(found.iter().zip(expected).all(|(a, b)| (a - b).abs() < 1e-12), "{found:?}");
     }
-    assert!(qp.s.iter().chain(&qp.s_before).all(|entry| *entry == 0.0));
-    assert!(qp.t.iter().all(|t| (0.0..1.0).contains(t)), "{:?}", qp.t);
+    let mut less = before.clone();
+    add_to_diagonals(&mut less, shift / (1.01 * GROWTH));
+    assert!(convexifier.recur(&mut less, true));
+
+    // Damped by as much, it is convex from the beginning.
+    let mut damped = before.clone();
+    let damping = shift / largest_entry(&damped);
+    assert!(!convexifier.apply(&mut damped, None, damping));
+    assert!((damped.t[0] - qp.t[0]).abs() < 1e-12);
+
     // Where little is missing, T alone changes.
+    let mut short = before;
     short.a.fill(0.0);
     short.t.fill(-5.0);
     let q = short.q.clone();
-    assert!(Convexifier::new(dims).apply(&mut short, None));
+    assert!(convexifier.apply(&mut short, None, 0.0));
     assert_eq!(short.q, q);
     assert!(short.t.iter().any(|t| *t > -5.0));
 }

@@ -95,9 +95,15 @@ impl QpSolver for RiccatiQp {
             return QpStatus::Expired;
         }
         if let Some(condensed) = &mut self.from_scratch {
-            let status = condensed.solve(qp, step, expired);
-            if status != QpStatus::Failed {
-                return status;
+            match condensed.solve(qp, step, expired) {
+                QpStatus::Failed => {}
+                QpStatus::Solved if !self.newton.is_solved_by(qp, step) => {
+                    if self.solve_from_guess(qp, step, FIRST, expired) {
+                        self.newton.finish(step);
+                        return QpStatus::Solved;
+                    }
+                }
+                status => return status,
             }
         }
         let solved = match self.interior.solve(qp, &mut self.newton, expired) {

@@ -3,9 +3,12 @@
 use super::recursion::Riccati;
 use super::rows::Rows;
 use crate::OcpDims;
-use crate::algebra::{add_product, add_scaled, add_transposed, block, block_mut, dot};
+use crate::algebra::{add_product, add_scaled, add_transposed, block, block_mut, dot, largest};
 use crate::{Qp, QpStep};
 use pinc_ad::simd::{Isa, Simd, Task};
+
+/// A residual above this, relative to 1 + the largest multiplier, is more than rounding.
+const ROUGH: f64 = 1e-10;
 
 /// d, lambda and mu of a [`Qp`], the residuals of the optimality conditions there, and steps from
 /// there:
@@ -72,6 +75,16 @@ impl Newton {
         self.d.fill(0.0);
         self.lambda.copy_from_slice(&step.multipliers.dynamics);
         self.rows.read(&step.multipliers, &mut self.mu);
+    }
+
+    /// Whether `step` meets the conditions of optimality that are equations; where condensing multiplies
+    /// unstable dynamics over many stages, rounding grows with them.
+    pub(super) fn is_solved_by(&mut self, qp: &Qp, step: &QpStep) -> bool {
+        self.start(step);
+        self.d.copy_from_slice(&step.d);
+        self.residuals(qp);
+        let size = 1.0 + largest(&self.lambda).max(largest(&self.mu));
+        largest(&self.slope).max(largest(&self.defect)) <= ROUGH * size
     }
 
     pub(super) fn finish(&self, step: &mut QpStep) {

@@ -20,6 +20,14 @@ const PATIENCE: usize = 8;
 const WINDOW: usize = 4;
 const FAST_ENOUGH: f64 = 0.1;
 
+/// The damping of an exact Hessian that was no good, the factor by which it then grows and otherwise
+/// falls, and the largest.
+const FIRST_DAMPING: f64 = 1e-5;
+const DAMPING_FACTOR: f64 = 10.0;
+const MOST_DAMPING: f64 = 10.0;
+/// A step that is taken to this part only had a bad Hessian.
+const SHORT: f64 = 0.1;
+
 /// Chooses between the Gauss-Newton Hessian, which needs no second derivatives and converges at a
 /// linear rate, the slower the larger multipliers and curvatures are, and the exact one, which is
 /// expensive and may have to be made convex far from a solution.
@@ -36,6 +44,7 @@ pub(super) struct HessianChoice {
     /// From which program on it is judged.
     judged_from: usize,
     has_been_slow: bool,
+    damping: f64,
 }
 
 impl HessianChoice {
@@ -57,6 +66,7 @@ impl HessianChoice {
             least: [f64::INFINITY; WINDOW],
             judged_from: PATIENCE,
             has_been_slow: false,
+            damping: 0.0,
         }
     }
 
@@ -85,9 +95,38 @@ impl HessianChoice {
         self.judged_from = programs + PATIENCE;
     }
 
+    /// What is added to the diagonal of the exact Hessian, as part of its largest entry.
+    pub(super) fn damping(&self) -> f64 {
+        self.damping
+    }
+
+    /// Takes note of the part of a step that was taken: after a short one the next one is damped, as
+    /// in the method of Levenberg and Marquardt.
+    pub(super) fn take_note(&mut self, length: f64) {
+        if length < SHORT {
+            self.damp();
+        } else {
+            self.damping /= DAMPING_FACTOR;
+            if self.damping < FIRST_DAMPING {
+                self.damping = 0.0;
+            }
+        }
+    }
+
+    fn damp(&mut self) {
+        if self.only == Some(Hessian::Exact) {
+            self.damping = (DAMPING_FACTOR * self.damping).clamp(FIRST_DAMPING, MOST_DAMPING);
+        }
+    }
+
     /// Gives up the exact Hessian, whose step is no good, after so many programs; whether there is
-    /// another.
+    /// another, or the same with more damping.
     pub(super) fn give_up(&mut self, programs: usize) -> bool {
+        if self.only == Some(Hessian::Exact) {
+            let before = self.damping;
+            self.damp();
+            return self.damping > before;
+        }
         self.current == Hessian::Exact && self.change(programs)
     }
 

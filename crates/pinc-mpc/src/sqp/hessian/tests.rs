@@ -31,7 +31,24 @@ fn only_the_exact_hessian_is_given_up() {
     assert!((0..=8).any(|k| choice.judge(k, 1.0)));
     assert!(choice.give_up(10));
     assert_eq!(choice.current(), Hessian::GaussNewton);
-    assert!(!HessianChoice::new(Some(Hessian::Exact)).give_up(1));
+    assert_eq!(choice.damping(), 0.0);
+}
+
+#[test]
+fn an_exact_hessian_without_an_alternative_is_damped_until_its_steps_are_good() {
+    let mut choice = HessianChoice::new(Some(Hessian::Exact));
+    assert!(choice.give_up(1));
+    let first = choice.damping();
+    assert!(first > 0.0);
+    // A short step, and long ones.
+    choice.take_note(0.05);
+    assert!(choice.damping() > 5.0 * first);
+    choice.take_note(0.5);
+    assert!((choice.damping() - first).abs() < 1e-9 * first);
+    choice.take_note(1.0);
+    assert_eq!(choice.damping(), 0.0);
+    // In the end it is no better.
+    assert!((0..20).any(|k| !choice.give_up(k)));
 }
 
 #[test]
