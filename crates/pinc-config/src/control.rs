@@ -92,6 +92,9 @@ pub struct ControlSpec {
     /// Values that states must have at the end of the horizon, by name; none if absent.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub end_state: BTreeMap<String, f64>,
+    /// Names of the states that end the horizon where it begins, so that the plan is an orbit in them.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub periodic: Vec<String>,
     /// Names of the inputs that are whole numbers, as pumps that are on (1) or off (0).
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub integer: Vec<String>,
@@ -257,6 +260,7 @@ impl ControlSpec {
             output_bounds: self.output_bounds(variables),
             output_softness: self.output_softness(variables),
             delay: self.delay_steps,
+            periodic: places(&self.periodic, &variables.states),
             ..NmpcProblem::new(variables.dims(), self.n2, weights)
         }
     }
@@ -283,8 +287,7 @@ impl ControlSpec {
     /// The places of the inputs that are whole numbers.
     #[must_use]
     pub fn integer_places(&self, variables: &Variables) -> Vec<usize> {
-        let place = |name: &String| variables.inputs.iter().position(|input| input.name == *name);
-        self.integer.iter().filter_map(place).collect()
+        places(&self.integer, &variables.inputs)
     }
 
     /// R, which is 0 if it was left out.
@@ -402,6 +405,12 @@ fn is_integer_programs(of: &usize) -> bool {
 /// One step in twenty.
 fn max_failed_share() -> f64 {
     0.05
+}
+
+/// The places of names in a list, in ascending order.
+fn places(names: &[String], of: &[Variable]) -> Vec<usize> {
+    let named = |variable: &Variable| names.iter().any(|name| variable.name == *name);
+    (0..of.len()).filter(|&place| named(&of[place])).collect()
 }
 
 fn bounds(low: &Option<Vec<f64>>, high: &Option<Vec<f64>>, variables: usize) -> Bounds {

@@ -112,6 +112,9 @@ impl NmpcBuilder {
         if exact && config.real_time {
             return Err(MpcError::CurvedInRealTime);
         }
+        if config.real_time && !problem.periodic.is_empty() {
+            return Err(MpcError::WithOrbit("real-time iterations"));
+        }
         if config.starts > 1 {
             let Bounds { low, high } = &problem.input_bounds;
             check_numbers("input_bounds.low", low, "finite with several starts", f64::is_finite)?;
@@ -131,6 +134,7 @@ impl NmpcBuilder {
                 ("a substitute controller", substituted),
                 ("whole inputs", search.is_some()),
                 ("several starts", config.starts > 1),
+                ("a periodic plan", !problem.periodic.is_empty()),
             ] {
                 if is_there {
                     return Err(MpcError::WithTube(what));

@@ -87,6 +87,9 @@ pub enum MpcError {
     /// A tube where none can be.
     #[error("a tube does not go with {0}")]
     WithTube(&'static str),
+    /// A plan that ends where it begins, where none can be.
+    #[error("a periodic plan does not go with {0}")]
+    WithOrbit(&'static str),
     /// Derivatives of a plan with whole inputs, which have none.
     #[error("a plan with whole inputs has no derivatives")]
     SearchedDerivatives,

@@ -78,6 +78,9 @@ pub struct NmpcProblem {
     /// Values that parameters may have, if the plan is to be a tree. `weights.input_sequence` and
     /// stages of different lengths do not go with more than one.
     pub scenarios: Option<Scenarios>,
+    /// The states that end the horizon where it begins, x\[k+N2\] = x\[k\], by their places in ascending
+    /// order: the plan is an orbit in them. That is as hard as the bounds on these states.
+    pub periodic: Vec<usize>,
 }
 
 impl NmpcProblem {
@@ -115,6 +118,7 @@ impl NmpcProblem {
             delay: 0,
             state_sizes: None,
             scenarios: None,
+            periodic: Vec::new(),
         }
     }
 
@@ -140,6 +144,13 @@ impl NmpcProblem {
         }
         if let Some(scenarios) = &self.scenarios {
             scenarios.validate(self, dims)?;
+        }
+        for (i, &place) in self.periodic.iter().enumerate() {
+            let least = i.checked_sub(1).map_or(0, |before| self.periodic[before] + 1);
+            check_range("periodic", place, least, dims.nx - 1)?;
+        }
+        if !self.periodic.is_empty() && self.scenarios.is_some() {
+            return Err(MpcError::WithOrbit("scenarios"));
         }
         let rows = self.constraints.as_ref().map_or(0, |c| c.inequalities() + c.equalities());
         self.constraint_softness.validate("constraint_softness", rows)

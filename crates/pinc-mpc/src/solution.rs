@@ -96,6 +96,30 @@ impl Solution {
         self.multipliers.shift(self.dims);
     }
 
+    /// Moves an orbit on by one step: the first stage becomes the last one, if all inputs are free. The
+    /// multiplier that closes the orbit is that of the dynamics there, as no cost is at the end alone.
+    pub(crate) fn rotate(&mut self) {
+        let OcpDims { nx, nu, horizon, n_controls, .. } = self.dims;
+        if n_controls != horizon {
+            return self.shift();
+        }
+        let rows = self.dims.rows();
+        let Multipliers { dynamics, bounds, increments, rows: by_row } = &mut self.multipliers;
+        let first = bounds.len() - increments.len();
+        for list in [&mut self.z[..], &mut bounds[..]] {
+            let (states, inputs) = list.split_at_mut(first);
+            states.rotate_left(nx);
+            inputs.rotate_left(nu);
+        }
+        dynamics.rotate_left(nx);
+        increments.rotate_left(nu);
+        let rows = rows.min(by_row.len());
+        by_row.rotate_left(rows);
+        let [before, last] = [2, 1].map(|back| first.saturating_sub(back * nx));
+        bounds[before..last].fill(0.0);
+        bounds[last..first].copy_from_slice(&dynamics[last..]);
+    }
+
     /// Takes the plan `from`, shifted by the first stage's length, on stages of different lengths
     /// of which the first is the shortest; `times`, `[N + 1]`, belong to `x_0` .. `x_N`. States are
     /// interpolated linearly, inputs held as planned; a stage takes the multipliers of the stage

@@ -42,6 +42,8 @@ pub(crate) struct Transcription {
     pub(crate) outputs: Option<Outputs>,
     pub(crate) output_rows: OutputRows,
     pub(crate) units: Units,
+    /// The places in z of the states that end where they begin, and their places in the state.
+    orbit: Vec<[usize; 2]>,
     /// The program's constant numbers, in the plant's units.
     plain: Qp,
 }
@@ -75,6 +77,7 @@ impl Transcription {
             plain: Qp::new(dims, cost.state_hessians(), cost.increment_hessians()),
             cost,
             bounds: states.chain(inputs),
+            orbit: problem.periodic.iter().map(|&i| [dims.all_states() - dims.nx + i, i]).collect(),
             limits_increments: increments.low.iter().chain(&increments.high).any(|b| b.is_finite()),
             increments,
             tightening: None,
@@ -86,6 +89,7 @@ impl Transcription {
             units: Units::new(problem, dims, &output_rows),
             output_rows,
         };
+        transcription.close_orbit(&vec![0.0; dims.nx]);
         transcription.set_constants(problem, feedthrough, &nodes);
         transcription
     }
@@ -194,6 +198,13 @@ impl Transcription {
                 let sides = (&mut y_low[output.clone()], &mut y_high[output]);
                 schedule.write(start..end, Part::Output, sides.0, sides.1);
             }
+        }
+    }
+
+    /// Makes the plan from `x0` end there, in the states that are periodic.
+    pub(crate) fn close_orbit(&mut self, x0: &[f64]) {
+        for &[at, state] in &self.orbit {
+            (self.bounds.low[at], self.bounds.high[at]) = (x0[state], x0[state]);
         }
     }
 

@@ -153,6 +153,7 @@ pub fn export_controller_with(
         ("control.first_plan", without, spec.first_plan.is_some()),
         ("control.free_time", without, spec.free_time.is_some()),
         ("control.end_state", without, !spec.end_state.is_empty()),
+        ("control.periodic", without, !spec.periodic.is_empty()),
         ("control.integer", without, !spec.integer.is_empty()),
         ("control.target", without, spec.target),
         ("control.cost", "q and r alone, or `pinc serve`", spec.cost.is_some()),

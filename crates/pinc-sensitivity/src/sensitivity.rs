@@ -144,6 +144,9 @@ impl<'a> Sensitivity<'a> {
         if program.nmpc().is_searched() {
             return Err(MpcError::SearchedDerivatives);
         }
+        if !program.nmpc().problem().periodic.is_empty() {
+            return Err(MpcError::WithOrbit("derivatives of a plan"));
+        }
         if program.nmpc().tightened().is_some() {
             return Err(MpcError::WithTube("derivatives of a plan"));
         }

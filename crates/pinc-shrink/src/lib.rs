@@ -220,6 +220,7 @@ fn check_controller(nmpc: &mut Nmpc) -> Result<(), ShrinkError> {
         (problem.constraints.is_some(), "constraints h and g", "bounds"),
         (problem.delay > 0, "a delay", "a state that holds the input under way"),
         (problem.scenarios.is_some(), "scenarios", "nominal parameters"),
+        (!problem.periodic.is_empty(), "a periodic plan", "references by time"),
         (problem.weights.input_sequence.is_some(), "a weight of all inputs", "r"),
         (!equal, "stages of different lengths", "stages of one length"),
     ];

@@ -1,19 +1,20 @@
-//! Checks of `control.free_time` and `control.end_state`.
+//! Checks of `control.free_time`, `control.end_state` and `control.periodic`.
 
-use super::values::{alone, place, value};
+use super::values::{alone, names, place, value};
 use super::{Checked, Problem};
 use crate::estimator::DisturbanceSpec;
 use crate::{ControlSpec, Experiment, Profile, Variables};
 
 const KEY: &str = "control.free_time";
 
-/// Both keys.
+/// All three keys.
 pub(super) fn free_time(
     experiment: &Experiment,
     control: &ControlSpec,
     variables: &Variables,
 ) -> Checked {
     end_state(control, variables)?;
+    periodic(control, variables)?;
     let Some(name) = &control.free_time else { return Ok(()) };
     let found = || format!("{name:?}");
     let place = place(KEY, name, &variables.input_names())?;
@@ -35,7 +36,7 @@ pub(super) fn free_time(
         return value(KEY, found(), "no such key with a plant whose equations are not known");
     }
     let cost = control.cost.iter().flat_map(|cost| [&cost.stage, &cost.terminal]).flatten();
-    let with_time = cost.into_iter().any(|text| names(text).any(|name| name == "t"));
+    let with_time = cost.into_iter().any(|text| words(text).any(|name| name == "t"));
     let others = [
         ("`t` in [control.cost]", with_time),
         ("more than one of control.references", control.references.len() > 1),
@@ -79,7 +80,26 @@ fn end_state(control: &ControlSpec, variables: &Variables) -> Checked {
     Ok(())
 }
 
+fn periodic(control: &ControlSpec, variables: &Variables) -> Checked {
+    const KEY: &str = "control.periodic";
+    let known = variables.state_names();
+    names(KEY, &control.periodic, &known)?;
+    for (i, name) in control.periodic.iter().enumerate() {
+        if control.end_state.contains_key(name) {
+            let expected = "a state that is not in control.end_state";
+            return value(&format!("{KEY}[{i}]"), format!("{name:?}"), expected);
+        }
+    }
+    let others = [
+        ("control.free_time", control.free_time.is_some()),
+        ("control.scenarios", control.scenarios.is_some()),
+        ("[control.uncertainty]", control.uncertainty.is_some()),
+        ("control.sqp.real_time", control.sqp.real_time),
+    ];
+    if control.periodic.is_empty() { Ok(()) } else { alone(KEY, "a list", "key", &others) }
+}
+
 /// The names in an expression.
-fn names(text: &str) -> impl Iterator<Item = &str> {
+fn words(text: &str) -> impl Iterator<Item = &str> {
     text.split(|c: char| !(c.is_alphanumeric() || c == '_')).filter(|name| !name.is_empty())
 }

@@ -497,7 +497,11 @@ impl Nmpc {
         self.phase = Phase::Shifted;
         let tentative = matches!(self.guess, Guess::Tentative { .. });
         if self.horizon.is_uniform() {
-            self.plan.shift();
+            if self.problem.periodic.len() == self.dims.nx {
+                self.plan.rotate();
+            } else {
+                self.plan.shift();
+            }
             if tentative {
                 self.fallback.shift();
             }

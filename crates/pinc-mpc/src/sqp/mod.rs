@@ -287,6 +287,7 @@ impl Sqp {
         expired: &mut dyn FnMut() -> bool,
     ) -> Outcome {
         self.leave_elastic();
+        self.transcription.close_orbit(input.x0);
         self.choose_units(input.x0, Some(input.targets));
         let at = [input.x0, &plan.z];
         if self.transcription.choose_cost(at, input.targets, &mut self.trial) {

@@ -36,6 +36,7 @@ fn first_plan(config: &str, sets: &[&str]) -> (SqpStatus, f64, Vec<f64>) {
 
 const MINIMUM_TIME: &str = "configs/gallery/minimum-time.toml";
 const FISHING: &str = "configs/gallery/fishing.toml";
+const ORBIT: &str = "configs/gallery/periodic-reactor.toml";
 const TARGETS: &str = "configs/estimation/targets.toml";
 
 /// From rest to rest over d with |a| <= A takes 2 sqrt(d/A): here 2 s, then sqrt(8) s.
@@ -149,6 +150,8 @@ fn what_does_not_go_together_is_named() {
         (MINIMUM_TIME, &["control.end_state={ place = 1.0 }"], "`control.end_state.place`"),
         (MINIMUM_TIME, &["control.state_high={ position = 0.5 }"], "`control.end_state.position`"),
         (FISHING, &["control.integer=[\"fish\"]"], "`control.integer[0]`"),
+        (ORBIT, &["control.periodic=[\"c\"]"], "`control.periodic[0]`"),
+        (ORBIT, &["control.end_state={ a = 0.1 }"], "`control.periodic[0]`"),
         (FISHING, &["control.input_high=[0.5]"], "a whole number"),
         (FISHING, &["control.sqp.real_time=true"], "`control.sqp.real_time`"),
         (FISHING, &["control.target=true"], "control.estimator"),
@@ -159,12 +162,32 @@ fn what_does_not_go_together_is_named() {
     for (config, key) in [
         (MINIMUM_TIME, "control.free_time"),
         (FISHING, "control.integer"),
+        (ORBIT, "control.periodic"),
         (TARGETS, "control.target"),
     ] {
         let dir = tempfile::tempdir().unwrap();
         let mut command = pinc(&["export", "--to", "c", "--only", "rk4"]);
         command.arg(repository(config)).arg("--out").arg(dir.path().join("c"));
         outcome(&mut command).assert_refused(&[key]);
+    }
+}
+
+/// At the best steady state, 0.0846 of b, no first derivative is in favour of an orbit. Each plan ends where
+/// it begins.
+#[test]
+fn an_orbit_beats_the_best_steady_state() {
+    let experiment = load(ORBIT, &[]).unwrap();
+    let mut controller = controller_of(&experiment);
+    let mut x = controller.spec().initial_state.clone();
+    for k in 0..12 {
+        let step = controller.step(&x, Follow::Config, None).unwrap();
+        assert_eq!(step.status, SqpStatus::Converged, "{k}");
+        let cost = step.cost.unwrap();
+        assert!(k > 0 || cost < -2.0 * 0.0855, "{cost}");
+        let states = controller.nmpc().plan().states();
+        let end = &states[states.len() - 3..];
+        assert!(end.iter().zip(&x).all(|(end, x)| (end - x).abs() < 1e-7), "{k}: {end:?} {x:?}");
+        x = states[..3].to_vec();
     }
 }
 

@@ -375,6 +375,7 @@ fn keys() -> Vec<(&'static str, Vec<&'static str>, About)> {
             Controller,
         ),
         ("end_state", vec!["control.end_state={ x = 0.1 }"], Controller),
+        ("periodic", vec!["control.periodic=[\"x\"]"], Controller),
         ("integer", vec!["control.integer=[\"u\"]"], Controller),
         (
             "integer_programs",
