@@ -48,7 +48,7 @@ fn parameters_of_a_disturbed_plant_are_within_their_intervals() {
     };
     let [simulated, predicted] = [Criterion::Simulation, Criterion::PredictionError].map(errors);
     let mean = |of: &[f64]| of.iter().sum::<f64>() / 12.0;
-    // Of the half width, 0.41 on average; one in twenty is beyond it.
+    // 0.37 half widths on average; one in twenty lies beyond it.
     assert!(mean(&predicted) < 0.6, "{predicted:?}");
     assert!(predicted.iter().filter(|error| **error > 1.0).count() <= 1, "{predicted:?}");
     assert!(mean(&simulated) > 2.0, "{simulated:?}");

@@ -212,6 +212,9 @@ impl ActiveSet {
         let mut fresh = true;
         while self.changes <= most_changes {
             self.find_x(qp);
+            if fresh && self.proximal > 0.0 {
+                self.meet_working_rows(qp);
+            }
             match self.worst(qp) {
                 Some(_) if self.changes > 0 && expired() => return DenseStatus::Expired,
                 Some(candidate) => {
@@ -499,6 +502,20 @@ impl ActiveSet {
         self.x.copy_from_slice(&self.y);
         self.cholesky.backward(&mut self.x);
         qp.values(&self.x, &mut self.values);
+    }
+
+    /// Moves x onto the working rows, from which rounding keeps it where y is large.
+    fn meet_working_rows(&mut self, qp: &DenseQp) {
+        let Self { cholesky, qr, working, x, values, rates, z, .. } = self;
+        for (rate, member) in rates.iter_mut().zip(working.iter()) {
+            *rate = member.bound - values[member.row];
+        }
+        qr.solve_transposed(rates);
+        z.fill(0.0);
+        qr.meet(z, rates);
+        cholesky.backward(z);
+        add_scaled(x, 1.0, z);
+        qp.values(x, values);
     }
 
     /// By how much a row is off, without the rounding of the steps so far, which its rates lose too.

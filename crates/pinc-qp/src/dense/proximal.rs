@@ -14,6 +14,10 @@ const PROXIMAL: [f64; 3] = [1e-10, 1e-8, 1e-6];
 /// The slope that the proximal term may leave, relative to 1 + the largest of g.
 const SLOPE: f64 = 1e-11;
 
+/// A proximal point that lowers the slope to less than this part is worth it below [`SLOPE`] too: the
+/// slope times x is a part of the duality gap, and x may be large.
+const LOWERED: f64 = 0.1;
+
 /// How many proximal points there are at most.
 const CENTERS: usize = 30;
 
@@ -30,11 +34,18 @@ impl ActiveSet {
             Some(false) => return DenseStatus::Failed,
             Some(true) | None => return DenseStatus::ExpiredAtStart,
         }
+        let (mut slope, small) = (f64::INFINITY, SLOPE * (1.0 + largest(&qp.gradient)));
         for _ in 0..CENTERS {
-            match self.meet_rows(qp, expired) {
-                DenseStatus::Solved if self.move_center(qp) => {}
-                status => return status,
+            let status = self.meet_rows(qp, expired);
+            if status != DenseStatus::Solved {
+                return status;
             }
+            let before = std::mem::replace(&mut slope, self.move_center(qp));
+            if slope <= small && slope >= LOWERED * before.min(small) {
+                return DenseStatus::Solved;
+            }
+            self.resolve(qp);
+            self.drop_excessive(qp);
         }
         DenseStatus::Failed
     }
@@ -49,19 +60,14 @@ impl ActiveSet {
         factored.find(|factored| *factored != Some(false)).unwrap_or(Some(false))
     }
 
-    /// Takes x for the next proximal point; whether it is another than before.
-    fn move_center(&mut self, qp: &DenseQp) -> bool {
+    /// Takes x for the next proximal point; the slope that its change makes.
+    fn move_center(&mut self, qp: &DenseQp) -> f64 {
         let mut slope = 0.0_f64;
         for ((linear, g), x) in self.linear.iter_mut().zip(&qp.gradient).zip(&self.x) {
             let next = g - self.proximal * x;
             slope = slope.max((next - *linear).abs());
             *linear = next;
         }
-        let moved = slope > SLOPE * (1.0 + largest(&qp.gradient));
-        if moved {
-            self.resolve(qp);
-            self.drop_excessive(qp);
-        }
-        moved
+        slope
     }
 }
