@@ -1,7 +1,7 @@
 //! The proximal point method (Rockafellar, SIAM J. Control Optim. 14 (1976)) for singular Hessians.
 //!
-//! H is replaced by H + delta I with a small delta, and the minimum is sought again with
-//! `delta (x - x_before)` in the gradient until x stays, which is a minimum of the program as it is.
+//! H is replaced by H + delta I with a small delta, and the minimum is sought again around each minimum
+//! until x stays, which is a minimum of the program as it is.
 
 use super::DenseQp;
 use super::active_set::{ActiveSet, DenseStatus};
@@ -60,14 +60,13 @@ impl ActiveSet {
         factored.find(|factored| *factored != Some(false)).unwrap_or(Some(false))
     }
 
-    /// Takes x for the next proximal point; the slope that its change makes.
+    /// Takes x for the next proximal point; the slope that the proximal term had there.
     fn move_center(&mut self, qp: &DenseQp) -> f64 {
-        let mut slope = 0.0_f64;
-        for ((linear, g), x) in self.linear.iter_mut().zip(&qp.gradient).zip(&self.x) {
-            let next = g - self.proximal * x;
-            slope = slope.max((next - *linear).abs());
-            *linear = next;
-        }
+        let moved = self.x.iter().zip(&self.center).map(|(x, center)| (x - center).abs());
+        let slope = self.proximal * moved.fold(0.0, f64::max);
+        self.center.copy_from_slice(&self.x);
+        self.at_center.copy_from_slice(&self.values);
+        qp.slope(&self.center, &mut self.linear);
         slope
     }
 }
