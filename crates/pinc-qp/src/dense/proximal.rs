@@ -14,8 +14,10 @@ const PROXIMAL: [f64; 3] = [1e-10, 1e-8, 1e-6];
 /// The slope that the proximal term may leave, relative to 1 + the largest of g.
 const SLOPE: f64 = 1e-11;
 
-/// A proximal point that lowers the slope to less than this part is worth it below [`SLOPE`] too: the
-/// slope times x is a part of the duality gap, and x may be large.
+/// The part of the duality gap that is the slope times x, which may be large.
+const GAP: f64 = 1e-10;
+
+/// For a smaller gap the slope is lowered as long as a proximal point lowers it to less than this part.
 const LOWERED: f64 = 0.1;
 
 /// How many proximal points there are at most.
@@ -41,11 +43,20 @@ impl ActiveSet {
                 return status;
             }
             let before = std::mem::replace(&mut slope, self.move_center(qp));
-            if slope <= small && slope >= LOWERED * before.min(small) {
+            let gap = slope * self.x.iter().map(|x| x.abs()).sum::<f64>();
+            if slope <= small && (gap <= GAP || slope >= LOWERED * before) {
                 return DenseStatus::Solved;
             }
-            self.resolve(qp);
-            self.drop_excessive(qp);
+            // After many changes of the working set its factors are made afresh.
+            if self.changes > 2 * qp.unknowns {
+                self.changes = 0;
+                if !self.start(qp, expired) {
+                    return DenseStatus::ExpiredAtStart;
+                }
+            } else {
+                self.resolve(qp);
+                self.drop_excessive(qp);
+            }
         }
         DenseStatus::Failed
     }
