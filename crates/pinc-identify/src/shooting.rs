@@ -222,8 +222,8 @@ impl<'a> Shooting<'a> {
         let known = nq + problem.of_the_model().len();
         let ny = block.y.len() / BLOCK;
         let channels = problem.channels.len();
-        block.change.resize(nx * width, 0.0);
-        block.change.fill(0.0);
+        block.change.clear();
+        block.change.resize(if gains.is_empty() { 0 } else { nx * width }, 0.0);
         block.row.resize(width, 0.0);
         let row = &mut block.row;
         for (i, channel) in problem.channels.iter().enumerate() {
