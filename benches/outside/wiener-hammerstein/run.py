@@ -65,7 +65,7 @@ def main():
     files = [files["training"], files["test"]]
     found = identified(given.pinc, CONFIG, files, given.out / "whole", sets)
     rms = found["residuals"]["out"]["rms"], found["held_out"][0]["rms"]["out"]
-    rows = [["model", "parameters", "training", "test", "source"]]
+    rows = [["model", "parameters", "training rms (mV)", "test rms (mV)", "source"]]
     rows.append(["circuit", len(found["parameters"]), *(f"{1000 * of:.3f}" for of in rms), "this project"])
     rows += [[name, "", "", error, "published"] for name, error in PUBLISHED]
     with open(given.out / "wiener-hammerstein.csv", "w", newline="") as file:
