@@ -1,16 +1,24 @@
-"""pinc-qp on the programs of the MPC test set, beside other solvers of qpsolvers.
+"""pinc-qp on the programs of a test set of qpbenchmark, beside other solvers of qpsolvers.
 
-    pip install pinc qpsolvers daqp quadprog clarabel piqp proxsuite
+    pip install pinc qpsolvers daqp quadprog clarabel piqp proxsuite scipy
     git clone https://github.com/qpsolvers/mpc_qpbenchmark
+    git clone https://github.com/qpsolvers/maros_meszaros_qpbenchmark
     python benches/outside/qpbenchmark.py mpc_qpbenchmark/data OUT.csv
+    python benches/outside/qpbenchmark.py maros_meszaros_qpbenchmark/data OUT.csv
 
 Each solver has the settings that qpbenchmark gives it for an accuracy: its tolerance where it has one.
 A program counts as solved if the primal residual, the dual residual and the duality gap of the answer
 are within the accuracy. Times are medians of runs taken in turn; their mean is the geometric mean of
 time + 10 s, less 10 s, as in qpbenchmark, where a program that is not solved counts as 1000 s.
+
+Of the Maros-Meszaros test set the dense subset is solved: programs with at most 1000 unknowns and 1000
+constraints. Each solution is a process of its own, which may take a minute of CPU time, and no times are
+written.
 """
 
 import csv
+import multiprocessing
+import resource
 import sys
 import time
 import warnings
@@ -23,6 +31,8 @@ import pinc_nmpc.qp
 
 ACCURACIES = (1e-3, 1e-6, 1e-9)
 REPETITIONS = 5
+LIMIT_S = 60
+MOST = 1000
 UNSOLVED_S = 1000.0
 SHIFT_S = 10.0
 
@@ -39,8 +49,28 @@ def settings(solver, accuracy):
     }.get(solver, {})
 
 
+def load_mat(path):
+    """A program of the Maros-Meszaros test set, None if it is too large; its last rows are bounds."""
+    import scipy.io
+
+    data = scipy.io.loadmat(path)
+    P, rows = data["P"].astype(float), data["A"].astype(float)
+    n = P.shape[0]
+    low, high = (data[key].flatten().astype(float) for key in ("l", "u"))
+    low[low < -9e19], high[high > 9e19] = -np.inf, np.inf
+    equal = high[:-n] - low[:-n] < 1e-10
+    h = np.concatenate([high[:-n][~equal], -low[:-n][~equal]])
+    if n > MOST or equal.sum() + np.isfinite(h).sum() + n > MOST:
+        return None
+    rows = rows.toarray()[:-n]
+    G = np.vstack([rows[~equal], -rows[~equal]])[np.isfinite(h)]
+    parts = G, h[np.isfinite(h)], rows[equal], high[:-n][equal]
+    parts = [part if part.size else None for part in parts]
+    return qpsolvers.Problem(P.toarray(), data["q"].flatten().astype(float), *parts, low[-n:], high[-n:])
+
+
 def load(path):
-    """A program of the test set; conversions are not timed."""
+    """A program of the MPC test set; conversions are not timed."""
     data = np.load(path, allow_pickle=True)
     parts = {key: data[key] for key in ("P", "q", "G", "h", "A", "b", "lb", "ub") if key in data}
     return qpsolvers.Problem(**{
@@ -63,21 +93,45 @@ def solve(problem, solver, accuracy):
     return seconds, max(residuals)
 
 
+def solve_apart(problem, solver, accuracy):
+    """The same in a process that may take LIMIT_S of CPU time."""
+    fork = multiprocessing.get_context("fork")
+    ours, its = fork.Pipe()
+
+    def run():
+        resource.setrlimit(resource.RLIMIT_CPU, (LIMIT_S, LIMIT_S))
+        its.send(solve(problem, solver, accuracy))
+
+    process = fork.Process(target=run)
+    process.start()
+    its.close()
+    try:
+        return ours.recv()
+    except EOFError:
+        return LIMIT_S, np.inf
+    finally:
+        process.join()
+
+
 def main():
     pinc_nmpc.qp.register()
     warnings.simplefilter("ignore")
     data, out = Path(sys.argv[1]), Path(sys.argv[2])
     problems = {path.stem: load(path) for path in sorted(data.glob("*.npz"))}
+    timed = bool(problems)
+    run, repetitions = (solve, REPETITIONS) if timed else (solve_apart, 1)
+    dense = ((path.stem, load_mat(path)) for path in sorted(data.glob("*.mat")))
+    problems |= {name: problem for name, problem in dense if problem}
     known = ("pinc", "daqp", "quadprog", "piqp", "proxqp", "clarabel")
     solvers = [solver for solver in known if solver in qpsolvers.available_solvers]
     rows = []
     for accuracy in ACCURACIES:
         times = {(solver, name): [] for solver in solvers for name in problems}
         worst = dict.fromkeys(times, 0.0)
-        for _ in range(REPETITIONS):
+        for _ in range(repetitions):
             for name, problem in problems.items():
                 for solver in solvers:
-                    seconds, residual = solve(problem, solver, accuracy)
+                    seconds, residual = run(problem, solver, accuracy)
                     times[solver, name].append(seconds)
                     worst[solver, name] = max(worst[solver, name], residual)
         for solver in solvers:
@@ -98,8 +152,8 @@ def main():
                 print("   not solved:", *missed)
     with open(out, "w", newline="") as file:
         writer = csv.writer(file)
-        writer.writerow(["solver", "accuracy", "solved", "largest residual", "median (us)", "mean (s)"])
-        writer.writerows(rows)
+        head = ["solver", "accuracy", "solved", "largest residual", "median (us)", "mean (s)"]
+        writer.writerows(row if timed else row[:4] for row in [head, *rows])
 
 
 main()

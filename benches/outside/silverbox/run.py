@@ -25,15 +25,14 @@ The rules of this script, which were fixed before any test part was simulated or
 
 import argparse
 import csv
-import json
-import math
 import pathlib
-import subprocess
-import tomllib
+import sys
 
 CONFIG = pathlib.Path(__file__).resolve().parent / "duffing.toml"
-STEP = tomllib.loads(CONFIG.read_text())["identify"]["step_s"]
-QUARTERS, REACH = 4, 16
+sys.path.insert(0, str(CONFIG.parents[1]))
+
+from records import agreement, going_on, identified, write  # noqa: E402
+
 TRAINING = 40650 + (127400 - 40650) * 3 // 4
 PARTS = {
     "training": (40650, TRAINING),
@@ -56,55 +55,6 @@ PUBLISHED = [
 ]
 
 
-def lanczos(x):
-    """The kernel of interpolation."""
-    if x == 0:
-        return 1.0
-    turn = math.pi * x
-    return REACH * math.sin(turn) * math.sin(turn / REACH) / turn**2
-
-
-def weights(quarter):
-    """The weights of the rows around the middle of a quarter of a row's interval."""
-    at = (quarter + 0.5) / QUARTERS
-    of = [lanczos(at - j) for j in range(1 - REACH, REACH + 1)]
-    return [weight / sum(of) for weight in of]
-
-
-def part(record, name, out):
-    """Writes a part of the record as a file of `pinc identify`."""
-    first, end = PARTS[name]
-    rows, by_quarter = record[first:end], [weights(quarter) for quarter in range(QUARTERS)]
-    file = out / f"{name}.csv"
-    with open(file, "w") as to:
-        to.write("t,u,y_out\n")
-        for k, (_, y) in enumerate(rows):
-            near = range(k + 1 - REACH, k + REACH + 1)
-            u = [rows[min(max(at, 0), len(rows) - 1)][0] for at in near]
-            for quarter, of in enumerate(by_quarter):
-                held = sum(weight * value for weight, value in zip(of, u))
-                time = (k * QUARTERS + quarter) * STEP
-                to.write(f"{time!r},{held:.7f},{y if quarter == 0 else ''}\n")
-    return file
-
-
-def identified(pinc, files, out, sets=()):
-    """Runs `pinc identify` and returns identify.json."""
-    command = [pinc, "--quiet", "identify", CONFIG, "--data", files[0], "--out", out]
-    command += [word for file in files[1:] for word in ("--validate", file)]
-    command += [word for set in sets for word in ("--set", set)]
-    subprocess.run([str(word) for word in command], check=True)
-    return json.loads((out / "identify.json").read_text())
-
-
-def going_on(found):
-    """Settings for a fit from where another ended."""
-    spec = tomllib.loads(CONFIG.read_text())["identify"]["parameters"]
-    point = [{**of, "initial": found["parameters"][of["name"]]["value"]} for of in spec]
-    rows = ["{ " + ", ".join(f"{k} = {json.dumps(v)}" for k, v in of.items()) + " }" for of in point]
-    return ["identify.starts=1", f"identify.parameters=[{', '.join(rows)}]"]
-
-
 def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("record", type=pathlib.Path)
@@ -115,13 +65,14 @@ def main():
     with open(given.record, newline="") as file:
         record = [row[:2] for row in csv.reader(file) if len(row) > 1 and row[0] != "V1"]
     record = [(float(u), float(y)) for u, y in record if u]
-    short = identified(given.pinc, [part(record, "short", given.out)], given.out / "short")
-    finished = [start for start in short["starts"] if start["status"] != "set aside"]
-    near = sum(start["cost"] <= 1.01 * short["cost"] for start in finished)
-    print(f"{near} of {len(finished)} finished starts end within 1 % of the best cost")
-    names = ["training", "multisine", "arrow", "arrow-inner"]
-    files = [part(record, name, given.out) for name in names]
-    found = identified(given.pinc, files, given.out / "whole", going_on(short))
+    files = {
+        name: write(record[first:end], CONFIG, given.out / f"{name}.csv")
+        for name, (first, end) in PARTS.items()
+    }
+    short = identified(given.pinc, CONFIG, [files.pop("short")], given.out / "short")
+    print(agreement(short))
+    sets = going_on(CONFIG, short)
+    found = identified(given.pinc, CONFIG, list(files.values()), given.out / "whole", sets)
     rms = [found["residuals"]["out"]["rms"], *(of["rms"]["out"] for of in found["held_out"])]
     head = ["model", "parameters", "training", "multisine", "arrow", "arrow, first 32000 rows"]
     row = ["physics", len(found["parameters"]), *(f"{1000 * of:.3f}" for of in rms)]

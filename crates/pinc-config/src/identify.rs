@@ -93,6 +93,9 @@ pub enum IdentifyCriterion {
     Simulation,
     /// The same error, in segments that are fitted first and then joined.
     MultipleShooting,
+    /// The error of predictions from each row to the next, in which every measurement corrects the
+    /// state by a constant gain that is identified as well.
+    PredictionError,
 }
 
 impl IdentifySpec {

@@ -3,7 +3,7 @@
 use crate::analysis::Analysis;
 use crate::fit::{Fit, FitStatus};
 use crate::influence::acting_elsewhere;
-use crate::problem::Problem;
+use crate::problem::{Criterion, Problem};
 use crate::result::{ChannelFit, Identified, outputs};
 use crate::trajectory::{Evaluation, Trajectory};
 use crate::whiteness;
@@ -308,9 +308,10 @@ fn without_influence(
     analysis: &Analysis,
     with: &mut Evaluation<'_>,
 ) -> Vec<Diagnosis> {
-    let parameters = 0..problem.unknown.len();
-    let (silent, states): (Vec<usize>, Vec<usize>) =
-        analysis.without_influence.iter().partition(|i| parameters.contains(i));
+    let (parameters, unknown) = (problem.of_the_model().len(), problem.unknown.len());
+    let (silent, others): (Vec<usize>, Vec<usize>) =
+        analysis.without_influence.iter().partition(|i| **i < parameters);
+    let states = others.iter().filter(|i| **i >= unknown);
     let found = acting_elsewhere(problem, fit, &silent, with);
     let of_parameters = silent.iter().zip(found).map(|(&i, acts_at)| match acts_at {
         None => Diagnosis::NoInfluence { name: names[i].clone() },
@@ -319,7 +320,7 @@ fn without_influence(
             acts_at: silent.iter().map(|&i| names[i].clone()).zip(values).collect(),
         },
     });
-    let of_states = states.iter().map(|&i| Diagnosis::NoInfluence { name: names[i].clone() });
+    let of_states = states.map(|&i| Diagnosis::NoInfluence { name: names[i].clone() });
     of_parameters.chain(of_states).collect()
 }
 
@@ -330,9 +331,15 @@ fn of_the_unknowns(
     analysis: &Analysis,
 ) -> Vec<Diagnosis> {
     let mut all = Vec::new();
+    // Nobody asks for the gains: directions of these alone are left out.
+    let gains = found.parameters.len()..found.parameters.len() + found.gains.len();
     for direction in &analysis.directions {
         let largest = direction.iter().fold(0.0, |most: f64, v| most.max(v.abs()));
         let sign = direction.iter().find(|v| v.abs() > NAMED * largest).map_or(1.0, |v| v.signum());
+        let named = |i: &usize| direction[*i].abs() > NAMED * largest;
+        if (0..names.len()).filter(named).all(|i| gains.contains(&i)) {
+            continue;
+        }
         let entries = names.iter().cloned().zip(direction);
         let named = entries.filter(|(_, v)| v.abs() > NAMED * largest);
         let direction = named.map(|(name, v)| (name, sign * v / largest)).collect();
@@ -358,7 +365,7 @@ fn of_the_unknowns(
             all.push(Diagnosis::Far { name: name(), factor });
         }
     }
-    for i in 0..problem.unknown.len() {
+    for i in 0..found.parameters.len() {
         for j in 0..i {
             let correlation = analysis.correlation[i * names.len() + j];
             let priors = [i, j].iter().any(|&i| problem.unknown[i].prior.is_some());
@@ -383,7 +390,9 @@ fn of_a_channel(
     }
     let mut all = Vec::new();
     let given = problem.channels[i].sd;
+    // Predictions are off by the disturbances of the plant as well.
     let (noise, limit) = match given {
+        _ if problem.criterion == Criterion::PredictionError => (0.0, 0.0),
         Some(sd) => (sd, NOISE),
         None => (roughness(problem, fit, i), ROUGH_NOISE),
     };

@@ -2,7 +2,7 @@
 
 use crate::IdentifyError;
 use crate::identify::identify;
-use crate::problem::{Problem, Recording};
+use crate::problem::{Criterion, Problem, Recording};
 use crate::result::outputs;
 use crate::trajectory::{Evaluation, Trajectory};
 use pinc_ode::Model;
@@ -26,7 +26,8 @@ pub fn simulate_held_out(
     rows: usize,
 ) -> Result<Vec<f64>, IdentifyError> {
     let (dims, channels) = (model.dims(), problem.channels.len());
-    let known = Problem { parameters: p.to_vec(), unknown: Vec::new(), ..problem.clone() };
+    let (parameters, unknown, criterion) = (p.to_vec(), Vec::new(), Criterion::Chosen);
+    let known = Problem { parameters, unknown, criterion, ..problem.clone() };
     let all = recording.rows(channels);
     let mut x = known.initial_state.values().to_vec();
     if known.initial_state.is_free() {

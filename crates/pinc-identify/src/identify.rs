@@ -9,7 +9,8 @@ use crate::shooting::{Nodes, Shooting};
 use crate::starts::Start;
 use crate::trajectory::{Evaluation, Trajectory};
 use pinc_estimate::Measured;
-use pinc_ode::Model;
+use pinc_ode::{Dims, Model, OutputLinearization, Stages};
+use std::borrow::Cow;
 
 /// Sensitivities to the initial state, in scales of the states, from which on single shooting is
 /// not tried.
@@ -47,15 +48,63 @@ pub fn identify(
     problem: &Problem,
     recordings: &[Recording<'_>],
 ) -> Result<Identified, IdentifyError> {
-    let dims = model.dims();
-    problem.validate(dims)?;
-    problem.validate_data(dims, recordings)?;
     let mut with = Evaluation::new(model);
+    let problem = &*checked(problem, recordings, &mut with)?;
     let begun = Begun::at(problem.start(), problem, recordings, &mut with);
     let start = begun.start.clone();
     let (fit, method) = begun.finish(problem, recordings, &mut with)?;
     let starts = vec![Start::of(problem, &fit)];
     Ok(Identified::of(problem, (fit, method), starts, &start, &mut with))
+}
+
+/// The problem, with K if its criterion has one.
+pub(crate) fn checked<'p>(
+    problem: &'p Problem,
+    recordings: &[Recording<'_>],
+    with: &mut Evaluation<'_>,
+) -> Result<Cow<'p, Problem>, IdentifyError> {
+    problem.validate(with.dims)?;
+    problem.validate_data(with.dims, recordings)?;
+    if problem.criterion != Criterion::PredictionError {
+        return Ok(Cow::Borrowed(problem));
+    }
+    let p = problem.start();
+    let scale = scale(&guess(problem, recordings[0], &p, with));
+    let problem = problem.with_gains(&first_gains(problem, &scale, recordings[0], &p, with));
+    problem.validate_data(with.dims, recordings)?;
+    Ok(Cow::Owned(problem))
+}
+
+/// The K from which a fit starts, `[nx, channels]`: each measurement moves the state by as little as
+/// makes the model's quantity half of the way to it, with states in their `scale`.
+fn first_gains(
+    problem: &Problem,
+    scale: &[f64],
+    recording: Recording<'_>,
+    p: &[f64],
+    with: &mut Evaluation<'_>,
+) -> Vec<f64> {
+    let (Dims { nx, nu, np, ny, .. }, channels) = (with.dims, problem.channels.len());
+    let zeros = |count: usize| vec![0.0; count];
+    let (mut y, mut c, mut d, mut e) = (zeros(ny), zeros(ny * nx), zeros(ny * nu), zeros(ny * np));
+    with.model.linearize_output(
+        Stages { x: problem.initial_state.values(), u: recording.input_read(0, nu), p },
+        OutputLinearization { y: &mut y, c: &mut c, d: &mut d, e: &mut e },
+    );
+    let mut gains = zeros(nx * channels);
+    for (i, channel) in problem.channels.iter().enumerate() {
+        let row: Vec<f64> = match channel.measured {
+            Measured::Output(place) => c[place * nx..(place + 1) * nx].to_vec(),
+            Measured::State(place) => (0..nx).map(|at| f64::from(u8::from(at == place))).collect(),
+            _ => zeros(nx),
+        };
+        let size: f64 = row.iter().zip(scale).map(|(c, scale)| (c * scale).powi(2)).sum();
+        for (state, (c, scale)) in row.iter().zip(scale).enumerate() {
+            let gain = 0.5 * c * scale * scale / size;
+            gains[state * channels + i] = if gain.is_finite() { gain } else { 0.0 };
+        }
+    }
+    gains
 }
 
 /// A fit by single shooting under way, with the model's trajectories from its start.
@@ -91,7 +140,7 @@ impl<'a> Begun<'a> {
     pub(crate) fn is_single(&self, criterion: Criterion) -> bool {
         match criterion {
             Criterion::Simulation => self.linear,
-            Criterion::Chosen | Criterion::MultipleShooting => {
+            Criterion::Chosen | Criterion::MultipleShooting | Criterion::PredictionError => {
                 self.linear && self.growth <= SENSITIVE
             }
         }
@@ -108,8 +157,10 @@ impl<'a> Begun<'a> {
         let Self { mut fit, p, linear, growth, start } = self;
         let cut = match problem.criterion {
             Criterion::MultipleShooting => Some(Why::Asked),
-            Criterion::Chosen if linear => (!single).then_some(Why::Sensitive { growth }),
-            Criterion::Chosen => Some(Why::NotFinite),
+            Criterion::Chosen | Criterion::PredictionError if linear => {
+                (!single).then_some(Why::Sensitive { growth })
+            }
+            Criterion::Chosen | Criterion::PredictionError => Some(Why::NotFinite),
             Criterion::Simulation if linear => None,
             Criterion::Simulation => {
                 let recording = start.iter().position(|of| !of.is_finite()).unwrap_or(0);
@@ -122,8 +173,8 @@ impl<'a> Begun<'a> {
         }
         fit.run(problem, with);
         let method = Method::SingleShooting { growth };
-        let chosen = problem.criterion == Criterion::Chosen;
-        Ok(match doubt(problem, &fit).filter(|_| chosen) {
+        let asked = problem.criterion == Criterion::Simulation;
+        Ok(match doubt(problem, &fit).filter(|_| !asked) {
             None => (fit, method),
             Some(why) => match multiple(problem, recordings, &p, with, growth) {
                 Ok(other) if is_better(&other, &fit) => (other, Method::MultipleShooting(why)),
@@ -169,7 +220,8 @@ fn guess(
     for k in 1..recording.rows(channels) {
         let before = &all[k - 1];
         let mut next = vec![0.0; nx];
-        with.model.step(before, &recording.u[(k - 1) * nu..k * nu], p, &mut next);
+        let (u, p) = (&recording.u[(k - 1) * nu..k * nu], &p[..with.dims.np]);
+        with.model.step(before, u, p, &mut next);
         with.work.steps += 1;
         let measured = problem.channels.iter().zip(&recording.y[k * channels..]);
         for (channel, y) in measured {
@@ -199,7 +251,7 @@ fn multiple<'a>(
 ) -> Result<Fit<'a>, IdentifyError> {
     let (nx, channels) = (with.dims.nx, problem.channels.len());
     let rows = recordings.iter().map(|of| of.rows(channels)).max().unwrap_or(2);
-    let longest = segments(rows, growth);
+    let mut longest = segments(rows, growth);
     let mut length = longest.min(2 * nx.div_ceil(channels) + 2);
     let mut states: Vec<_> =
         recordings.iter().map(|&recording| guess(problem, recording, p, with)).collect();
@@ -207,7 +259,7 @@ fn multiple<'a>(
     loop {
         match apart(problem, recordings, (&mut states, &mut p), length, with) {
             Err(error) if length <= 2 => return Err(error),
-            Err(_) => length = 2,
+            Err(_) => (longest, length) = ((length / 2).max(2), 2),
             Ok(()) if length == longest => break,
             Ok(()) => length = longest.min(2 * length),
         }
@@ -229,7 +281,7 @@ fn multiple<'a>(
 }
 
 /// Fits segments of `length` rows as recordings of their own, from given states and parameters,
-/// which move to the fit.
+/// which move to the fit. K, of which short segments say little, stays.
 fn apart(
     problem: &Problem,
     recordings: &[Recording<'_>],
@@ -239,7 +291,8 @@ fn apart(
 ) -> Result<(), IdentifyError> {
     let (nx, nu, channels) = (with.dims.nx, with.dims.nu, problem.channels.len());
     let first = problem.initial_state.values().to_vec();
-    let free = Problem { initial_state: InitialState::Free(first), ..problem.clone() };
+    let (initial_state, unknown) = (InitialState::Free(first), problem.of_the_model().to_vec());
+    let free = Problem { initial_state, unknown, ..problem.clone() };
     let mut parts = Vec::new();
     for (number, (recording, states)) in recordings.iter().zip(&*states).enumerate() {
         let scale = scale(states);

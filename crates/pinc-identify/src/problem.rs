@@ -82,6 +82,11 @@ pub enum Criterion {
     Simulation,
     /// The same error by multiple shooting: segments are fitted first, then joined.
     MultipleShooting,
+    /// The error of predictions from one row to the next, by single or multiple shooting: each
+    /// measurement corrects the state, x\[k\] + K (y\[k\] - h(x\[k\])), before the next step. K is
+    /// constant and is found with the parameters (Ljung, "System Identification" (1999), section
+    /// 4.3). What disturbs the plant is then forgotten as far as the measurements show it.
+    PredictionError,
 }
 
 /// The state at the first row of each recording, `nx`.
@@ -195,6 +200,32 @@ impl Problem {
             return Err(IdentifyError::TooFewMeasurements { measurements, unknowns });
         }
         Ok(())
+    }
+
+    /// The problem with K as further parameters, from the values `start`, `[nx, channels]`.
+    pub(crate) fn with_gains(&self, start: &[f64]) -> Self {
+        let mut with = self.clone();
+        let names = self.states.iter().flat_map(|state| {
+            self.channels.iter().map(move |channel| format!("K[{state}, {}]", channel.name))
+        });
+        for (name, &initial) in names.zip(start) {
+            let (low, high) = (f64::NEG_INFINITY, f64::INFINITY);
+            let place = with.parameters.len();
+            with.unknown.push(Unknown { name, place, initial, low, high, prior: None });
+            with.parameters.push(initial);
+        }
+        with
+    }
+
+    /// The unknowns that are parameters of the model, of which K is none.
+    pub(crate) fn of_the_model(&self) -> &[Unknown] {
+        let gains = match self.criterion {
+            Criterion::PredictionError => self.states.len() * self.channels.len(),
+            _ => 0,
+        };
+        let first = self.parameters.len() - gains;
+        let count = self.unknown.iter().take_while(|unknown| unknown.place < first).count();
+        &self.unknown[..count]
     }
 
     /// The number of unknowns: parameters and, where they are free, the initial states.

@@ -16,6 +16,9 @@ use pinc_ode::Dims;
 pub struct Identified {
     /// The unknown parameters, in the order of the problem.
     pub parameters: Vec<Estimate>,
+    /// K of [`Criterion::PredictionError`](crate::Criterion::PredictionError), `[nx, channels]` row
+    /// by row; none for other criteria.
+    pub gains: Vec<Estimate>,
     /// The states at the first row of each recording, where they are unknown.
     pub initial_states: Vec<Vec<Estimate>>,
     /// p, all parameters of the model.
@@ -28,7 +31,7 @@ pub struct Identified {
     /// These without the unknowns that are not held at a bound.
     pub degrees_of_freedom: usize,
     /// The correlations of all estimates, `[unknowns, unknowns]` row by row: first the parameters,
-    /// then the initial state of each recording. NaN where one is not determined.
+    /// then K, then the initial state of each recording. NaN where one is not determined.
     pub correlation: Vec<f64>,
     /// The singular values of the derivatives of all residuals by all unknowns, each in its own
     /// size, from the largest: those that are 0 belong to directions that the data do not
@@ -124,7 +127,8 @@ impl Identified {
             let half_width = half_widths.next().flatten();
             Estimate { name: unknown.name.clone(), value, half_width, at_bound }
         });
-        let parameters: Vec<_> = parameters.collect();
+        let mut parameters: Vec<_> = parameters.collect();
+        let gains = parameters.split_off(problem.of_the_model().len());
         let several = fit.recordings.len() > 1;
         let initial_states = fit.recordings.iter().filter(|of| of.nq > 0).map(|of| {
             let states = problem.states.iter().zip(&of.nodes.x);
@@ -147,6 +151,7 @@ impl Identified {
             .collect();
         let mut found = Self {
             parameters,
+            gains,
             initial_states,
             cost,
             measurements,
@@ -163,12 +168,12 @@ impl Identified {
             p: Vec::new(),
         };
         found.findings = diagnosis::findings(problem, &fit, &found, &analysis, start, with);
-        Self { p: fit.p, work: with.work, ..found }
+        Self { p: fit.p[..with.dims.np].to_vec(), work: with.work, ..found }
     }
 
-    /// All estimates: the parameters, then the initial state of each recording.
+    /// All estimates: the parameters, then K, then the initial state of each recording.
     pub fn estimates(&self) -> impl Iterator<Item = &Estimate> {
-        self.parameters.iter().chain(self.initial_states.iter().flatten())
+        self.parameters.iter().chain(&self.gains).chain(self.initial_states.iter().flatten())
     }
 }
 

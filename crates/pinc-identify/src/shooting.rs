@@ -78,6 +78,10 @@ pub(crate) struct Block {
     c: Vec<f64>,
     d: Vec<f64>,
     e: Vec<f64>,
+    /// The derivatives of a measured quantity.
+    row: Vec<f64>,
+    /// What a correction changes in the derivatives of the state.
+    change: Vec<f64>,
 }
 
 impl Block {
@@ -92,6 +96,8 @@ impl Block {
             c: zeros(ny * nx),
             d: zeros(ny * nu),
             e: zeros(ny * np),
+            row: Vec::new(),
+            change: Vec::new(),
         }
     }
 }
@@ -142,12 +148,13 @@ impl<'a> Shooting<'a> {
         self.triangle.clear();
         self.links.clear();
         self.growth = 1.0;
+        let (p, gains) = p.split_at(with.dims.np);
         block.p.chunks_exact_mut(p.len().max(1)).for_each(|to| to.copy_from_slice(p));
         for first in (0..rows).step_by(BLOCK) {
             let points = BLOCK.min(rows - first);
             self.linearize_block(problem, (first, points), with, block);
             for k in first..first + points {
-                self.push_row(problem, k, &s, (k - first, &*block));
+                self.push_row(problem, (k, gains), &mut s, (k - first, &mut *block));
                 if k + 1 == rows {
                     break;
                 }
@@ -172,7 +179,7 @@ impl<'a> Shooting<'a> {
         let Dims { nx, nu, np, ny, .. } = with.dims;
         let part = |width: usize| first * width..(first + points) * width;
         let at = Stages {
-            x: &self.trajectory.x[part(nx)],
+            x: &self.trajectory.corrected[part(nx)],
             u: &self.recording.u[part(nu)],
             p: &block.p[..points * np],
         };
@@ -189,7 +196,8 @@ impl<'a> Shooting<'a> {
             for (k, u) in block.read.chunks_exact_mut(nu.max(1)).take(points).enumerate() {
                 u.copy_from_slice(self.recording.input_read(first + k, nu));
             }
-            let at = Stages { u: &block.read[..points * nu], ..at };
+            let (x, u) = (&self.trajectory.x[part(nx)], &block.read[..points * nu]);
+            let at = Stages { x, u, ..at };
             let out = OutputLinearization {
                 y: &mut block.y[..points * ny],
                 c: &mut block.c[..points * ny * nx],
@@ -200,44 +208,62 @@ impl<'a> Shooting<'a> {
         }
     }
 
-    /// Pushes the residuals of row `k`, where the change of the state is `s`.
+    /// Pushes the residuals of row `k`, where the change of the state is `s`, which becomes that of
+    /// the corrected state.
     fn push_row(
         &mut self,
         problem: &Problem,
-        k: usize,
-        s: &[f64],
-        (point, block): (usize, &Block),
+        (k, gains): (usize, &[f64]),
+        s: &mut [f64],
+        (point, block): (usize, &mut Block),
     ) {
         let (nx, width, nq) = (self.scale.len(), self.triangle.width(), self.nq);
-        let np = problem.parameters.len();
+        let np = problem.parameters.len() - gains.len();
+        let known = nq + problem.of_the_model().len();
         let ny = block.y.len() / BLOCK;
         let channels = problem.channels.len();
+        block.change.clear();
+        block.change.resize(if gains.is_empty() { 0 } else { nx * width }, 0.0);
+        block.row.resize(width, 0.0);
+        let row = &mut block.row;
         for (i, channel) in problem.channels.iter().enumerate() {
             let y = self.recording.y[k * channels + i];
             if y.is_nan() {
                 continue;
             }
-            let weight = 1.0 / problem.sd(i);
-            let row = self.triangle.push();
-            match channel.measured {
+            let predicted = match channel.measured {
                 Measured::State(state) => {
-                    let s = &s[state * width..(state + 1) * width];
-                    row.iter_mut().zip(s).for_each(|(to, s)| *to = weight * s);
-                    row[width - 1] += weight * (self.trajectory.x[k * nx + state] - y);
+                    row.copy_from_slice(&s[state * width..(state + 1) * width]);
+                    self.trajectory.x[k * nx + state]
                 }
                 Measured::Output(output) => {
                     let place = point * ny + output;
+                    row.fill(0.0);
                     for (c, s) in block.c[place * nx..][..nx].iter().zip(s.chunks_exact(width)) {
-                        row.iter_mut().zip(s).for_each(|(to, s)| *to += weight * c * s);
+                        row.iter_mut().zip(s).for_each(|(to, s)| *to += c * s);
                     }
-                    for (to, unknown) in row[nq..].iter_mut().zip(&problem.unknown) {
-                        *to += weight * block.e[place * np + unknown.place];
+                    for (to, unknown) in row[nq..].iter_mut().zip(problem.of_the_model()) {
+                        *to += block.e[place * np + unknown.place];
                     }
-                    row[width - 1] += weight * (block.y[place] - y);
+                    block.y[place]
                 }
-                _ => {}
+                _ => continue,
+            };
+            let weight = 1.0 / problem.sd(i);
+            let pushed = self.triangle.push();
+            pushed.iter_mut().zip(&*row).for_each(|(to, by)| *to = weight * by);
+            pushed[width - 1] += weight * (predicted - y);
+            let gains = gains.iter().skip(i).step_by(channels);
+            for (state, (change, gain)) in
+                block.change.chunks_exact_mut(width).zip(gains).enumerate()
+            {
+                change.iter_mut().zip(&*row).for_each(|(to, by)| *to -= gain * by);
+                if let Some(change) = change[known..width - 1].get_mut(state * channels + i) {
+                    *change += y - predicted;
+                }
             }
         }
+        s.iter_mut().zip(&block.change).for_each(|(s, change)| *s += change);
     }
 
     /// How much of its scale the state changes with q.
@@ -363,7 +389,6 @@ fn propagate(
 ) {
     let Dims { nx, np, .. } = dims;
     let width = s.len() / nx;
-    let unknown = problem.unknown.len();
     let a = &block.model.a[point * nx * nx..(point + 1) * nx * nx];
     next.fill(0.0);
     for (i, next) in next.chunks_exact_mut(width).enumerate() {
@@ -371,8 +396,8 @@ fn propagate(
             next.iter_mut().zip(s).for_each(|(next, s)| *next += a * s);
         }
         let e = &block.model.e[(point * nx + i) * np..(point * nx + i + 1) * np];
-        let by_p = &mut next[width - 1 - unknown..];
-        for (to, unknown) in by_p.iter_mut().zip(&problem.unknown) {
+        let by_p = &mut next[width - 1 - problem.unknown.len()..];
+        for (to, unknown) in by_p.iter_mut().zip(problem.of_the_model()) {
             *to += e[unknown.place];
         }
     }
@@ -387,6 +412,90 @@ fn substitute(triangle: &mut Triangle, nq: usize, back: &[f64]) {
         row[..nq].fill(0.0);
         for (r, back) in of_q.iter().zip(back.chunks_exact(width)) {
             row.iter_mut().zip(back).for_each(|(to, back)| *to += r * back);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::problem::{Channel, Criterion, InitialState, Unknown};
+    use pinc_expr::{Equations, OutputExpression};
+    use pinc_ode::{DynPlant, Integrator, Variable};
+
+    fn plant() -> Box<dyn DynPlant> {
+        let equation = |(name, text): (&str, &str)| (name.to_owned(), text.to_owned());
+        let y = OutputExpression { expression: "w*sin(x) + u".to_owned(), unit: String::new() };
+        let equations = Equations {
+            states: ["x", "v"].map(|name| Variable::new(name, "")).to_vec(),
+            inputs: vec![Variable::new("u", "")],
+            parameters: [("a".to_owned(), 1.0), ("w".to_owned(), 1.0)].into(),
+            derivatives: [("x", "v"), ("v", "u - a*sin(x) - 0.3*v")].map(equation).into(),
+            outputs: [("y".to_owned(), y)].into(),
+            ..Equations::default()
+        };
+        equations.compile_with(&["a", "w"]).unwrap().into_dyn()
+    }
+
+    /// The derivatives of the cost by the initial state, the parameters and K are those that
+    /// differences have.
+    #[test]
+    fn derivatives_of_predictions_are_exact() {
+        let mut model = plant().model(Integrator::Rk4, 0.2, 1).unwrap();
+        let mut with = Evaluation::new(&mut *model);
+        let unknown = |(place, name): (usize, &str)| Unknown {
+            name: name.to_owned(),
+            place,
+            initial: 1.2,
+            low: 0.0,
+            high: 9.0,
+            prior: None,
+        };
+        let channel = |measured, sd| Channel { name: "y".to_owned(), measured, sd: Some(sd) };
+        let problem = Problem {
+            channels: vec![channel(Measured::Output(0), 0.4), channel(Measured::State(1), 0.7)],
+            parameters: vec![1.0; 2],
+            unknown: [unknown((0, "a")), unknown((1, "w"))].to_vec(),
+            initial_state: InitialState::Free(vec![1.0, -0.5]),
+            states: vec!["x".to_owned(), "v".to_owned()],
+            inputs: vec!["u".to_owned()],
+            criterion: Criterion::PredictionError,
+        };
+        let problem = problem.with_gains(&[0.2, 0.1, -0.2, 0.3]);
+        let u: Vec<f64> = (0..90).map(|k| (0.3 * f64::from(k)).sin()).collect();
+        let mut y: Vec<f64> = (0..180).map(|k| (0.17 * f64::from(k)).cos()).collect();
+        (y[6], y[7], y[21]) = (f64::NAN, f64::NAN, f64::NAN);
+        let recording = Recording { name: "", u: &u, y: &y };
+        let scale = vec![0.5, 2.0];
+        let mut cost = |x: &[f64], p: &[f64]| {
+            let mut of = Shooting::new(&problem, recording, Nodes::first(x), scale.clone());
+            of.simulate(&problem, p, &mut with);
+            let mut block = Block::new(with.dims);
+            of.linearize(&problem, p, &mut with, &mut block);
+            let width = of.triangle.width();
+            let rows: Vec<_> = of.triangle.factor().chunks(width).map(<[f64]>::to_vec).collect();
+            let slope = |i: usize| rows.iter().map(|row| row[i] * row[width - 1]).sum::<f64>();
+            (of.trajectory.cost, (0..width - 1).map(slope).collect::<Vec<_>>())
+        };
+        let (x, p) = ([1.0, -0.5], problem.start());
+        let (_, slope) = cost(&x, &p);
+        assert_eq!(slope.len(), 8);
+        for (i, slope) in slope.iter().enumerate() {
+            let moved = |by: f64| {
+                let (mut x, mut p) = (x, p.clone());
+                if i < 2 {
+                    x[i] += by * scale[i]
+                } else {
+                    p[i - 2] += by
+                }
+                (x, p)
+            };
+            let [up, down] = [1e-5, -1e-5].map(moved).map(|(x, p)| cost(&x, &p).0);
+            let difference = (up - down) / 2e-5;
+            assert!(
+                (difference - slope).abs() < 1e-6 * (1.0 + slope.abs()),
+                "{i}: {difference} {slope}"
+            );
         }
     }
 }

@@ -1,7 +1,7 @@
 //! A fit from several starts.
 
 use crate::fit::{Fit, FitStatus};
-use crate::identify::{Begun, identify};
+use crate::identify::{Begun, checked, identify};
 use crate::method::Method;
 use crate::problem::{Problem, Recording};
 use crate::result::Identified;
@@ -38,7 +38,7 @@ impl Default for Starts {
 pub struct Start {
     /// The cost there; infinite if the model is not finite.
     pub cost: f64,
-    /// The unknown parameters there, in the order of the problem.
+    /// The unknown parameters there, in the order of the problem, and then K, row by row.
     pub parameters: Vec<f64>,
     /// How the fit ended; `None` if it was set aside after a short fit, since others were better.
     pub status: Option<FitStatus>,
@@ -102,10 +102,8 @@ pub fn identify_from_starts(
     if starts == 1 {
         return identify(&mut *models[0], problem, recordings);
     }
-    let dims = models[0].dims();
-    problem.validate(dims)?;
-    problem.validate_data(dims, recordings)?;
-    if let Some(unknown) = problem.unknown.iter().find(|unknown| !unknown.is_bounded()) {
+    let problem = &*checked(problem, recordings, &mut Evaluation::new(&mut *models[0]))?;
+    if let Some(unknown) = problem.of_the_model().iter().find(|unknown| !unknown.is_bounded()) {
         return Err(IdentifyError::NoBounds { name: unknown.name.clone(), starts });
     }
     let tasks = models.into_iter().enumerate().collect();
@@ -135,8 +133,8 @@ pub fn identify_from_starts(
 fn start(problem: &Problem, i: usize, seed: u64) -> Vec<f64> {
     let mut p = problem.start();
     if i > 0 {
-        let point = points::point(problem.unknown.iter(), i - 1, seed);
-        for (unknown, value) in problem.unknown.iter().zip(point) {
+        let point = points::point(problem.of_the_model().iter(), i - 1, seed);
+        for (unknown, value) in problem.of_the_model().iter().zip(point) {
             p[unknown.place] = value;
         }
     }

@@ -43,6 +43,9 @@ pub(crate) struct Evaluation<'m> {
 pub(crate) struct Trajectory {
     /// `[rows, nx]`
     pub(crate) x: Vec<f64>,
+    /// The states from which the model goes on, corrected by the measurements of their rows,
+    /// `[rows, nx]`.
+    pub(crate) corrected: Vec<f64>,
     /// For each segment but the last, its end minus the beginning of the next:
     /// `[segments - 1, nx]`.
     pub(crate) defects: Vec<f64>,
@@ -65,7 +68,7 @@ impl<'m> Evaluation<'m> {
         measured: &mut [f64],
     ) {
         if problem.has_outputs() {
-            self.model.output(x, u, p, &mut self.y);
+            self.model.output(x, u, &p[..self.dims.np], &mut self.y);
         }
         for (to, channel) in measured.iter_mut().zip(&problem.channels) {
             *to = match channel.measured {
@@ -84,8 +87,9 @@ impl<'m> Evaluation<'m> {
         (starts, nodes, p): (&[usize], &[f64], &[f64]),
         to: &mut Trajectory,
     ) {
-        let Dims { nx, nu, .. } = self.dims;
+        let Dims { nx, nu, np, .. } = self.dims;
         let (channels, rows) = (problem.channels.len(), to.x.len() / nx);
+        let (of_the_model, gains) = p.split_at(np);
         let mut measured = std::mem::take(&mut self.channels);
         measured.resize(channels, 0.0);
         let mut segment = 0;
@@ -98,15 +102,22 @@ impl<'m> Evaluation<'m> {
             let (x, u) = (&to.x[k * nx..(k + 1) * nx], &recording.u[k * nu..(k + 1) * nu]);
             self.measured(problem, (x, recording.input_read(k, nu), p), &mut measured);
             let y = &recording.y[k * channels..(k + 1) * channels];
+            let corrected = &mut to.corrected[k * nx..(k + 1) * nx];
+            corrected.copy_from_slice(x);
             for (i, (y, measured)) in y.iter().zip(&measured).enumerate() {
                 if !y.is_nan() {
                     to.cost += 0.5 * ((measured - y) / problem.sd(i)).powi(2);
+                    let gains = gains.iter().skip(i).step_by(channels);
+                    corrected
+                        .iter_mut()
+                        .zip(gains)
+                        .for_each(|(x, gain)| *x += gain * (y - measured));
                 }
             }
             if k + 1 == rows {
                 break;
             }
-            self.model.step(x, u, p, &mut self.next);
+            self.model.step(corrected, u, of_the_model, &mut self.next);
             self.work.steps += 1;
             if starts.get(segment) == Some(&(k + 1)) {
                 let defect = &mut to.defects[(segment - 1) * nx..segment * nx];
@@ -124,7 +135,7 @@ impl<'m> Evaluation<'m> {
 impl Trajectory {
     pub(crate) fn new(nx: usize, rows: usize, segments: usize) -> Self {
         let zeros = |points: usize| vec![0.0; points * nx];
-        Self { x: zeros(rows), defects: zeros(segments - 1), cost: 0.0 }
+        Self { x: zeros(rows), corrected: zeros(rows), defects: zeros(segments - 1), cost: 0.0 }
     }
 
     pub(crate) fn is_finite(&self) -> bool {

@@ -19,6 +19,10 @@ pub struct IdentificationMetrics {
     pub model: String,
     /// The parameters, by their names.
     pub parameters: BTreeMap<String, ParameterMetrics>,
+    /// The gain of each state by the error of prediction of each output, by their names; none
+    /// unless errors of prediction were fitted.
+    #[serde(default)]
+    pub gains: BTreeMap<String, EstimateMetrics>,
     /// The nets inside the plant's equations whose weights are among the parameters.
     #[serde(default)]
     pub nets: Vec<String>,
@@ -232,7 +236,8 @@ impl fmt::Display for IdentificationMetrics {
         let is_weight = |name: &String| self.net_of(name).is_some();
         let parameters = self.parameters.iter().filter(|(name, _)| !is_weight(name));
         let parameters = parameters.map(|(name, of)| (name.clone(), &of.estimate));
-        for (name, estimate) in parameters.chain(states) {
+        let gains = self.gains.iter().map(|(name, of)| (name.clone(), of));
+        for (name, estimate) in parameters.chain(gains).chain(states) {
             match estimate.half_width_95 {
                 Some(width) => write!(f, "\n  {name} = {:.6} +- {width:.2e}", estimate.value)?,
                 None => write!(f, "\n  {name} = {:.6}, without an interval", estimate.value)?,

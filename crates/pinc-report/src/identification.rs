@@ -90,16 +90,16 @@ pub(crate) fn number_tables(of: &IdentificationMetrics) -> Vec<NumberTable> {
         heads: heads(&["", "value", "half width, 95 %", "start"]),
         rows: parameters.collect(),
     }];
-    for file in &of.initial_states {
-        let states = file.states.iter().map(|(name, estimate)| {
+    let gains = (!of.gains.is_empty()).then(|| ("Gains of the prediction".to_owned(), &of.gains));
+    let states = of.initial_states.iter();
+    let states = states.map(|of| (format!("Initial state of {}", of.file), &of.states));
+    for (title, estimates) in gains.into_iter().chain(states) {
+        let rows = estimates.iter().map(|(name, estimate)| {
             let [value, width] = shown(estimate);
             vec![name.clone(), value, width]
         });
-        tables.push(NumberTable {
-            title: format!("Initial state of {}", file.file),
-            heads: heads(&["", "value", "half width, 95 %"]),
-            rows: states.collect(),
-        });
+        let (heads, rows) = (heads(&["", "value", "half width, 95 %"]), rows.collect());
+        tables.push(NumberTable { title, heads, rows });
     }
     let residuals = of.residuals.iter().map(|(name, left)| {
         vec![

@@ -316,6 +316,7 @@ fn problem(
             None => Criterion::Chosen,
             Some(IdentifyCriterion::Simulation) => Criterion::Simulation,
             Some(IdentifyCriterion::MultipleShooting) => Criterion::MultipleShooting,
+            Some(IdentifyCriterion::PredictionError) => Criterion::PredictionError,
             Some(other) => {
                 let problem = format!("identify.criterion: {other:?} is not known here");
                 return Err(RunError::usage("identify", problem));
@@ -414,6 +415,7 @@ fn metrics(
         experiment: experiment.name.clone(),
         model: kind.name().to_owned(),
         parameters: parameters.collect(),
+        gains: found.gains.iter().map(|of| (of.name.clone(), estimate(of))).collect(),
         cost: found.cost,
         outputs: found.channels.iter().map(|of| of.name.clone()).collect(),
         measurement_sd: problem.channels.iter().map(|of| of.sd.unwrap_or(1.0)).collect(),
@@ -425,7 +427,10 @@ fn metrics(
         ),
         nets: Vec::new(),
         held_out: Vec::new(),
-        method: found.method.name().to_owned(),
+        method: match problem.criterion {
+            Criterion::PredictionError => format!("{} of predictions", found.method.name()),
+            _ => found.method.name().to_owned(),
+        },
         reason: found.method.to_string(),
         measurements: found.measurements,
         degrees_of_freedom: found.degrees_of_freedom,

@@ -3,6 +3,7 @@
 mod diagnosis;
 mod hybrid;
 mod outputs;
+mod prediction;
 mod recorded;
 mod shooting;
 mod starts;

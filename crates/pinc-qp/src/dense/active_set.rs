@@ -55,14 +55,17 @@ pub(crate) struct ActiveSet {
     y: Vec<f64>,
     mu: Vec<f64>,
     /// (x, C x)
-    values: Vec<f64>,
+    pub(super) values: Vec<f64>,
     /// w, then R^-1 w
     w: Vec<f64>,
     rates: Vec<f64>,
     z: Vec<f64>,
     /// delta, 0 where H is regular.
     pub(super) proximal: f64,
-    /// g - delta `x_before`
+    /// The point from which y is counted, 0 where H is regular, with (x, C x) there.
+    pub(super) center: Vec<f64>,
+    pub(super) at_center: Vec<f64>,
+    /// g + H x at the center.
     pub(super) linear: Vec<f64>,
     tolerance: f64,
     pub(super) changes: usize,
@@ -143,6 +146,8 @@ impl ActiveSet {
             rates: vec![0.0; unknowns],
             z: vec![0.0; unknowns],
             proximal: 0.0,
+            center: vec![0.0; unknowns],
+            at_center: vec![0.0; unknowns + rows],
             linear: vec![0.0; unknowns],
             tolerance: TOLERANCE,
             changes: 0,
@@ -177,6 +182,8 @@ impl ActiveSet {
     pub(crate) fn solve(&mut self, qp: &DenseQp, expired: &mut dyn FnMut() -> bool) -> DenseStatus {
         self.changes = 0;
         self.tolerance = TOLERANCE;
+        self.center.fill(0.0);
+        self.at_center.fill(0.0);
         self.linear.copy_from_slice(&qp.gradient);
         match self.factor(qp, 0.0, expired) {
             Some(true) if !self.start(qp, expired) => return DenseStatus::ExpiredAtStart,
@@ -330,7 +337,7 @@ impl ActiveSet {
 
     /// Computes y and the multipliers of the working set afresh.
     pub(super) fn resolve(&mut self, qp: &DenseQp) {
-        let Self { cholesky, qr, working, y, mu, rates, z, linear, proximal, .. } = self;
+        let Self { cholesky, qr, working, y, mu, rates, z, linear, .. } = self;
         for member in working.iter() {
             mu[member.row] = 0.0;
         }
@@ -345,10 +352,10 @@ impl ActiveSet {
         }
         cholesky.forward(y);
         for (rate, member) in rates.iter_mut().zip(working.iter()) {
-            *rate = member.bound;
+            *rate = member.bound - self.at_center[member.row];
         }
         qr.solve_transposed(rates);
-        if *proximal > 0.0 {
+        if self.proximal > 0.0 {
             // What no row holds is as large in y as 1 / delta: twice takes off what rounding leaves.
             let held = working.len();
             z[..held].copy_from_slice(&rates[..held]);
@@ -498,6 +505,7 @@ impl ActiveSet {
     fn find_x(&mut self, qp: &DenseQp) {
         self.x.copy_from_slice(&self.y);
         self.cholesky.backward(&mut self.x);
+        add_scaled(&mut self.x, 1.0, &self.center);
         qp.values(&self.x, &mut self.values);
     }
 

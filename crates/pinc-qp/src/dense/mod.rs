@@ -7,7 +7,7 @@ mod tests;
 
 pub(super) use active_set::{ActiveSet, DenseStatus};
 
-use super::algebra::add_scaled;
+use super::algebra::{add_scaled, dot};
 
 /// A strictly convex quadratic program in x, of n unknowns and r rows:
 ///
@@ -60,6 +60,15 @@ impl DenseQp {
         } else {
             normal.fill(0.0);
             normal[i] = 1.0;
+        }
+    }
+
+    /// Writes g + H x.
+    fn slope(&self, x: &[f64], slope: &mut [f64]) {
+        slope.copy_from_slice(&self.gradient);
+        for (c, column) in self.hessian.chunks_exact(self.unknowns).enumerate() {
+            add_scaled(&mut slope[c..], x[c], &column[c..]);
+            slope[c] += dot(&column[c + 1..], &x[c + 1..]);
         }
     }
 

@@ -1,7 +1,7 @@
 //! The proximal point method (Rockafellar, SIAM J. Control Optim. 14 (1976)) for singular Hessians.
 //!
-//! H is replaced by H + delta I with a small delta, and the minimum is sought again with
-//! `delta (x - x_before)` in the gradient until x stays, which is a minimum of the program as it is.
+//! H is replaced by H + delta I with a small delta, and the minimum is sought again around each minimum
+//! until x stays, which is a minimum of the program as it is.
 
 use super::DenseQp;
 use super::active_set::{ActiveSet, DenseStatus};
@@ -13,6 +13,12 @@ const PROXIMAL: [f64; 3] = [1e-10, 1e-8, 1e-6];
 
 /// The slope that the proximal term may leave, relative to 1 + the largest of g.
 const SLOPE: f64 = 1e-11;
+
+/// The part of the duality gap that is the slope times x, which may be large.
+const GAP: f64 = 1e-10;
+
+/// For a smaller gap the slope is lowered as long as a proximal point lowers it to less than this part.
+const LOWERED: f64 = 0.1;
 
 /// How many proximal points there are at most.
 const CENTERS: usize = 30;
@@ -30,10 +36,26 @@ impl ActiveSet {
             Some(false) => return DenseStatus::Failed,
             Some(true) | None => return DenseStatus::ExpiredAtStart,
         }
+        let (mut slope, small) = (f64::INFINITY, SLOPE * (1.0 + largest(&qp.gradient)));
         for _ in 0..CENTERS {
-            match self.meet_rows(qp, expired) {
-                DenseStatus::Solved if self.move_center(qp) => {}
-                status => return status,
+            let status = self.meet_rows(qp, expired);
+            if status != DenseStatus::Solved {
+                return status;
+            }
+            let before = std::mem::replace(&mut slope, self.move_center(qp));
+            let gap = slope * self.x.iter().map(|x| x.abs()).sum::<f64>();
+            if slope <= small && (gap <= GAP || slope >= LOWERED * before) {
+                return DenseStatus::Solved;
+            }
+            // After many changes of the working set its factors are made afresh.
+            if self.changes > 2 * qp.unknowns {
+                self.changes = 0;
+                if !self.start(qp, expired) {
+                    return DenseStatus::ExpiredAtStart;
+                }
+            } else {
+                self.resolve(qp);
+                self.drop_excessive(qp);
             }
         }
         DenseStatus::Failed
@@ -49,19 +71,13 @@ impl ActiveSet {
         factored.find(|factored| *factored != Some(false)).unwrap_or(Some(false))
     }
 
-    /// Takes x for the next proximal point; whether it is another than before.
-    fn move_center(&mut self, qp: &DenseQp) -> bool {
-        let mut slope = 0.0_f64;
-        for ((linear, g), x) in self.linear.iter_mut().zip(&qp.gradient).zip(&self.x) {
-            let next = g - self.proximal * x;
-            slope = slope.max((next - *linear).abs());
-            *linear = next;
-        }
-        let moved = slope > SLOPE * (1.0 + largest(&qp.gradient));
-        if moved {
-            self.resolve(qp);
-            self.drop_excessive(qp);
-        }
-        moved
+    /// Takes x for the next proximal point; the slope that the proximal term had there.
+    fn move_center(&mut self, qp: &DenseQp) -> f64 {
+        let moved = self.x.iter().zip(&self.center).map(|(x, center)| (x - center).abs());
+        let slope = self.proximal * moved.fold(0.0, f64::max);
+        self.center.copy_from_slice(&self.x);
+        self.at_center.copy_from_slice(&self.values);
+        qp.slope(&self.center, &mut self.linear);
+        slope
     }
 }

@@ -39,6 +39,32 @@ fn coarse() -> impl Strategy<Value = f64> {
     (-16..=16_i32).prop_map(|quarter| f64::from(quarter) / 4.0)
 }
 
+/// The duality gap is the product of x and the slope that the proximal term leaves, which is large where
+/// x is.
+#[test]
+fn solutions_far_from_0_of_programs_with_a_singular_hessian_have_no_duality_gap() {
+    let (n, rows) = (30, 4);
+    let mut qp = DenseQp::new(n, rows);
+    qp.gradient[0] = -1.0;
+    for i in 0..n {
+        let first = i == 0;
+        qp.hessian[i * n + i] = if first { 0.0 } else { 1.0 };
+        qp.low[i] = if first { f64::NEG_INFINITY } else { 0.0 };
+        for row in 0..rows {
+            let number = i32::try_from((i * rows + row) * 7919 % 1009).unwrap();
+            qp.matrix[i * rows + row] = if first { 1.0 } else { 2.0 * f64::from(number) - 1009.0 };
+        }
+    }
+    qp.high[n..].fill(0.0);
+    let mut solver = ActiveSet::new(n, rows);
+    assert_eq!(solver.solve(&qp, &mut || false), DenseStatus::Solved);
+    let x = solver.x();
+    assert!(x[0] > 1e5, "{x:?}");
+    // All bounds are 0, so that the dual cost is -x'H x / 2.
+    let gap = x[1..].iter().map(|x| x * x).sum::<f64>() - x[0];
+    assert!(gap.abs() < 1e-9, "{gap:e}");
+}
+
 /// A program with H = M'M + I/10 and a point in the middle of the rows' bounds.
 fn programs(number: BoxedStrategy<f64>) -> impl Strategy<Value = DenseQp> {
     (1..=8_usize, 0..=12_usize).prop_flat_map(move |(n, rows)| {

@@ -177,6 +177,33 @@ fn gaps_and_several_files_are_taken() {
     assert!(written.contains(&format!("k = {k:?}")), "{written}");
 }
 
+/// Predictions from row to row are fitted over gaps too, and their gain is in the results.
+#[test]
+fn errors_of_prediction_have_a_gain() {
+    let (dir, config) = directory(TANK);
+    let data = dir.path().join("data.csv");
+    let csv = tank_csv(80, 1.0);
+    let kept: Vec<_> = csv.lines().enumerate().filter(|(i, _)| !(16..20).contains(i)).collect();
+    fs::write(&data, kept.iter().map(|(_, line)| format!("{line}\n")).collect::<String>()).unwrap();
+    let (data, out) = (text(&data), dir.path().join("out"));
+    let arguments =
+        ["identify", &config, "--data", &data, "--validate", &data, "--out", &text(&out)];
+    let set = ["--set", "identify.criterion=\"prediction-error\""];
+    let found = outcome(&mut pinc(&[&arguments[..], &set].concat()));
+    assert_eq!(found.code, Some(0), "{found:?}");
+    assert!(found.stdout.contains("single shooting of predictions"), "{found:?}");
+    assert!(found.stdout.contains("K[h, h] = "), "{found:?}");
+    let json = json(&out);
+    let gain = json["gains"]["K[h, h]"]["value"].as_f64().unwrap();
+    // Nothing but noise is in the data.
+    assert!(gain.abs() < 0.3, "{gain}");
+    let k = json["parameters"]["k"]["value"].as_f64().unwrap();
+    assert!((k - 3.1).abs() < 0.05, "{k}");
+    assert!(
+        fs::read_to_string(out.join("report.html")).unwrap().contains("Gains of the prediction")
+    );
+}
+
 #[test]
 fn bad_data_are_answered_in_words() {
     let (dir, config) = directory(TANK);

@@ -1,0 +1,112 @@
+//! The error of prediction.
+
+use crate::support::{noise, oscillator, problem, steps};
+use pinc_identify::{
+    Criterion, Estimate, FitStatus, Identified, InitialState, Problem, Recording, Starts, identify,
+    identify_from_starts, simulate_held_out,
+};
+use pinc_ode::Integrator;
+
+/// The truth of the oscillator.
+const TRUTH: [f64; 2] = [0.8, 1.3];
+const START: [f64; 2] = [0.5, 1.0];
+
+/// The position of the oscillator, measured to 0.02, with its states shaken by `shaken` at each
+/// step.
+fn shaken(seed: u64, rows: usize, shaken: f64) -> (Vec<f64>, Vec<f64>) {
+    let mut model = oscillator().model(Integrator::Rk4, 0.1, 2).unwrap();
+    let u = steps(seed, rows, 15, (-1.0, 1.0));
+    let (w, e) = (noise(seed + 100, shaken, 2 * rows), noise(seed + 200, 0.02, rows));
+    let (mut x, mut next, mut y) = (vec![1.0, 0.0], vec![0.0; 2], Vec::new());
+    for k in 0..rows {
+        y.push(x[0] + e[k]);
+        model.step(&x, &u[k..=k], &TRUTH, &mut next);
+        x.copy_from_slice(&next);
+        x.iter_mut().zip(&w[2 * k..]).for_each(|(x, w)| *x += w);
+    }
+    (u, y)
+}
+
+fn fitted(criterion: Criterion, [mu, k]: [f64; 2], (u, y): &(Vec<f64>, Vec<f64>)) -> Identified {
+    let plant = oscillator();
+    let start = [(mu, 0.0, 5.0), (k, 0.1, 20.0)];
+    let free = InitialState::Free(vec![1.0, 0.0]);
+    let problem = Problem { criterion, ..problem(&*plant, &[0], Some(0.02), &start, free) };
+    let mut model = plant.model(Integrator::Rk4, 0.1, 2).unwrap();
+    identify(&mut *model, &problem, &[Recording { name: "shaken", u, y }]).unwrap()
+}
+
+/// A simulation blames the parameters for what shakes the plant, and says that it is sure of them.
+#[test]
+fn parameters_of_a_disturbed_plant_are_within_their_intervals() {
+    let errors = |criterion: Criterion| -> Vec<f64> {
+        let found = (0..6).map(|seed| fitted(criterion, START, &shaken(seed, 500, 0.05)));
+        let estimates = found.flat_map(|found| found.parameters.into_iter().zip(TRUTH));
+        let error =
+            |(of, truth): (Estimate, f64)| (of.value - truth).abs() / of.half_width.unwrap();
+        estimates.map(error).collect()
+    };
+    let [simulated, predicted] = [Criterion::Simulation, Criterion::PredictionError].map(errors);
+    let mean = |of: &[f64]| of.iter().sum::<f64>() / 12.0;
+    // 0.37 half widths on average; one in twenty lies beyond it.
+    assert!(mean(&predicted) < 0.6, "{predicted:?}");
+    assert!(predicted.iter().filter(|error| **error > 1.0).count() <= 1, "{predicted:?}");
+    assert!(mean(&simulated) > 2.0, "{simulated:?}");
+}
+
+/// The state is corrected before it runs away from the data, so that the start matters less.
+#[test]
+fn predictions_find_the_same_parameters_from_other_starts() {
+    let differing = |criterion: Criterion| {
+        let differ = |seed: &u64| {
+            let data = shaken(*seed, 500, 0.05);
+            let [a, b] = [START, [2.0, 2.0]].map(|start| fitted(criterion, start, &data).cost);
+            (a - b).abs() > 1e-6 * a
+        };
+        (0..4).filter(differ).count()
+    };
+    assert_eq!(differing(Criterion::PredictionError), 0);
+    assert!(differing(Criterion::Simulation) > 1);
+}
+
+/// Predictions forget a disturbance as fast as the state is corrected, and their errors are white.
+#[test]
+fn errors_of_prediction_are_white_and_have_no_finding() {
+    let data = shaken(2, 500, 0.05);
+    let found = fitted(Criterion::PredictionError, START, &data);
+    assert_eq!(found.status, FitStatus::Converged);
+    assert_eq!(found.findings, []);
+    let names: Vec<&str> = found.estimates().map(|of| of.name.as_str()).collect();
+    assert_eq!(names, ["mu", "k", "K[x1, x1]", "K[x2, x1]", "x1(0)", "x2(0)"]);
+    assert_eq!(found.p.len(), 2);
+    // The disturbance is larger than the noise, so that a measurement is nearly believed.
+    assert!((0.7..1.0).contains(&found.gains[0].value), "{:?}", found.gains);
+    assert!(found.channels[0].correlation.abs() < 0.15, "{:?}", found.channels);
+    let simulated = fitted(Criterion::Simulation, START, &data);
+    assert!(simulated.gains.is_empty());
+    assert!(simulated.channels[0].rms > 3.0 * found.channels[0].rms, "{simulated:?}");
+}
+
+/// Starts are spread over the parameters, whose bounds K has not; data that are held out are
+/// simulated, without K.
+#[test]
+fn predictions_have_starts_and_are_validated_by_simulation() {
+    let plant = oscillator();
+    let (u, y) = shaken(1, 200, 0.02);
+    let start = [(0.5, 0.0, 5.0), (1.0, 0.1, 20.0)];
+    let free = InitialState::Free(vec![1.0, 0.0]);
+    let criterion = Criterion::PredictionError;
+    let problem = Problem { criterion, ..problem(&*plant, &[0], Some(0.02), &start, free) };
+    let model = || plant.model(Integrator::Rk4, 0.1, 2).unwrap();
+    let recording = Recording { name: "shaken", u: &u, y: &y };
+    let starts = Starts { finished: 1, ..Starts::default() };
+    let models = (0..4).map(|_| model()).collect();
+    let found = identify_from_starts(models, &problem, &[recording], starts).unwrap();
+    assert_eq!((found.starts.len(), found.gains.len()), (4, 2));
+    let held_out = simulate_held_out(&mut *model(), &problem, &found.p, recording, 20).unwrap();
+    let criterion = Criterion::Chosen;
+    let known = Problem { criterion, ..problem };
+    let simulated = simulate_held_out(&mut *model(), &known, &found.p, recording, 20).unwrap();
+    assert_eq!(held_out, simulated);
+    assert_ne!(held_out, found.fitted[0]);
+}
