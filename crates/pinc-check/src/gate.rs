@@ -61,10 +61,7 @@ fn judged(
     let measurement = control.measurement.clone().unwrap_or_default();
     let LoopParameters { names, values, estimated } = subject.experiment.loop_parameters();
     let plant = subject.experiment.plant.family(&names);
-    let integrator = match rehearsal.model {
-        ModelKind::Integrator(integrator) => integrator,
-        ModelKind::Pinc | ModelKind::BlackBox => Integrator::Rk4,
-    };
+    let integrator = rehearsal.model.integrator().unwrap_or(Integrator::Rk4);
     let substeps = control.own_substeps(integrator);
     let parameters = (&values[..], &estimated[..]);
     let augmentation = estimator.augmentation(&measurement, &variables, parameters);
