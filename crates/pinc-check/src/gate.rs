@@ -3,7 +3,7 @@
 
 use crate::numbers::short;
 use crate::{Finding, LISTED, Rehearsal, Subject};
-use pinc_config::{ControlSpec, EstimatorSpec, LoopParameters, ModelKind, Variables};
+use pinc_config::{ControlSpec, EstimatorSpec, LoopParameters, Variables};
 use pinc_estimate::{Augmented, Ekf, Estimator, Gate, Measured};
 use pinc_ode::{Dims, Integrator, Model, OutputLinearization, Stages};
 

@@ -2,7 +2,7 @@
 
 use crate::{Finding, Rehearsal, Subject, estimation::marks, short};
 use pinc_config::{
-    ControlSpec, LoopParameters, ModelKind, NetErrorSpec, TubeParts, UncertaintySpec, Variables,
+    ControlSpec, LoopParameters, NetErrorSpec, TubeParts, UncertaintySpec, Variables,
 };
 use pinc_mpc::NmpcProblem;
 use pinc_ode::{DynPlant, Integrator, LinearizationBuffer, Stages, Variable};

@@ -1,7 +1,7 @@
 //! A net with its check as C.
 
-use crate::{Policy, PolicyNet};
 use crate::check::{Limit, Rater, size, urgency};
+use crate::{Policy, PolicyNet};
 use pinc_export::{Controller, ExportError, GeneratedFile, ModelSource, Name, lanes_to_c};
 use pinc_mpc::Nmpc;
 use std::fmt::Write as _;

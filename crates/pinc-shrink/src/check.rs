@@ -196,7 +196,8 @@ impl Rater {
             fill(program, j - 1, (self.dims, u), &mut self.begin);
             program.step(j - 1, &self.begin[..nx], u, &mut self.end[..nx]);
             fill(program, j - 1, (self.dims, u), &mut self.end);
-            violation = violation.max(urgency(horizon, j) * self.outside(j, [&self.begin, &self.end]));
+            violation =
+                violation.max(urgency(horizon, j) * self.outside(j, [&self.begin, &self.end]));
             let error = |k: usize| self.end[self.tracked[k]] - reference[k];
             cost += square(&self.q[j - 1], self.tracked.len(), error);
         }

@@ -28,8 +28,8 @@ use pinc_ode::Simulator;
 use policy::{Limits, Scale};
 use rand::SeedableRng;
 use rand::rngs::ChaCha8Rng;
-use std::ops::{ControlFlow, Range};
 use samples::Drawn;
+use std::ops::{ControlFlow, Range};
 use thiserror::Error;
 use train::Training;
 
@@ -266,7 +266,7 @@ pub(crate) fn check_controller(nmpc: &mut Nmpc) -> Result<(), ShrinkError> {
         (problem.scenarios.is_some(), "scenarios", "nominal parameters"),
         (problem.weights.input_sequence.is_some(), "a weight of all inputs", "r"),
         (!equal, "stages of different lengths", "stages of one length"),
-        (nmpc.is_searched(), "whole inputs", "bounds"),
+        (nmpc.is_searched(), "whole inputs or a policy", "bounds and the model itself"),
         (nmpc.tightened().is_some(), "a tube", "tighter bounds"),
     ];
     for (there, feature, instead) in refused {

@@ -115,7 +115,11 @@ impl Drawn {
     }
 
     /// Reference, first state and input before of a loop.
-    pub(crate) fn at<'a>(&'a self, k: usize, region: &'a Region) -> (&'a Reference, &'a [f64], &'a [f64]) {
+    pub(crate) fn at<'a>(
+        &'a self,
+        k: usize,
+        region: &'a Region,
+    ) -> (&'a Reference, &'a [f64], &'a [f64]) {
         let n = region.states.low.len();
         (&self.references[k], &self.x[k * n..(k + 1) * n], &region.u_before)
     }

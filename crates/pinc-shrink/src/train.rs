@@ -1,9 +1,9 @@
 //! The training on plans and their derivatives.
 
 use crate::net::Net;
-use crate::{ShrinkError, go_on};
 use crate::policy::Scale;
 use crate::samples::Label;
+use crate::{ShrinkError, go_on};
 use pinc_ad::simd::{Isa, Simd, Task};
 use pinc_net::Workers;
 use pinc_net::optim::{

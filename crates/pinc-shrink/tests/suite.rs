@@ -170,7 +170,9 @@ fn constraints_are_refused() {
     };
     let mut batch = NmpcBatch::new(1, make).unwrap();
     let plant = Simulator::new(&VanDerPol::default(), 1e-9);
-    let refused = shrink(&mut batch, &plant, &region(), &small(), &mut |_| ControlFlow::Continue(())).unwrap_err();
+    let refused =
+        shrink(&mut batch, &plant, &region(), &small(), &mut |_| ControlFlow::Continue(()))
+            .unwrap_err();
     assert!(refused.to_string().contains("constraints h and g"), "{refused}");
 }
 
@@ -341,7 +343,8 @@ fn decides_as_the_library(equations: &PlantEquations, problem: &NmpcProblem, dir
             .output()
             .unwrap();
         assert!(built.status.success(), "{}", String::from_utf8_lossy(&built.stderr));
-        let run = Command::new(dir.join("run")).stdin(Stdio::piped()).stdout(Stdio::piped()).spawn();
+        let run =
+            Command::new(dir.join("run")).stdin(Stdio::piped()).stdout(Stdio::piped()).spawn();
         let mut run = run.unwrap();
         run.stdin.take().unwrap().write_all(asked.as_bytes()).unwrap();
         let printed = String::from_utf8(run.wait_with_output().unwrap().stdout).unwrap();

@@ -8,10 +8,10 @@ use crate::{Planner, SqpStatus};
 use std::mem::{replace, take};
 
 impl Nmpc {
-    /// Whether its plans are searched for, as those with whole inputs.
+    /// Whether its plans are not those of the optimization alone.
     #[must_use]
     pub fn is_searched(&self) -> bool {
-        self.search.is_some()
+        self.search.is_some() || self.planner.is_some()
     }
 
     /// Searches beyond the plan found, unless there is none.
