@@ -181,13 +181,14 @@ fn range<'a>(rows: impl Iterator<Item = &'a [f64]>, width: usize) -> Bounds {
 
 impl std::fmt::Display for ShrunkController {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        let Judgement { loops, nmpc, net, checked, .. } = self.judgement;
+        let Judgement { loops, nmpc, net, checked, backed, .. } = self.judgement;
         writeln!(
             f,
             "a net of {} weights, trained on {} plans; {loops} loops, references not known in advance:",
             self.weights, self.labels
         )?;
-        for (name, of) in [("controller", nmpc), ("net", net), ("net, checked", checked)] {
+        let backing = ("net, backed", backed);
+        for (name, of) in [("controller", nmpc), ("net", net), ("net, checked", checked), backing] {
             writeln!(
                 f,
                 "{name:<15} {:>9.3} % of the controller's IAE, bounds broken in {} loops, {} of them kept by the controller",
@@ -196,16 +197,23 @@ impl std::fmt::Display for ShrunkController {
                 of.newly_broken
             )?;
         }
-        write!(f, "the check keeps {:.1} % of the net's plans", 100.0 * checked.kept)
+        write!(
+            f,
+            "the check keeps {:.1} % of the net's plans; backed by the controller, that plans {:.1} % of the steps",
+            100.0 * checked.kept,
+            100.0 * backed.optimized
+        )
     }
 }
 
 /// The judgement as a table.
 fn table(judgement: &Judgement) -> CsvText {
-    let mut table = CsvText::new(["driver", "loops", "iae", "broken", "newly_broken", "kept"]);
-    let Judgement { loops, nmpc, net, checked, .. } = *judgement;
-    for (name, of) in [("controller", nmpc), ("net", net), ("checked", checked)] {
-        let Outcome { iae, broken, newly_broken, kept, .. } = of;
+    let heads = ["driver", "loops", "iae", "broken", "newly_broken", "kept", "optimized"];
+    let mut table = CsvText::new(heads);
+    let Judgement { loops, nmpc, net, checked, backed, .. } = *judgement;
+    for (name, of) in [("controller", nmpc), ("net", net), ("checked", checked), ("backed", backed)]
+    {
+        let Outcome { iae, broken, newly_broken, kept, optimized, .. } = of;
         let counts = [loops, broken, newly_broken].map(|count| count.to_string());
         let [loops, broken, newly_broken] = counts;
         table.push([
@@ -215,6 +223,7 @@ fn table(judgement: &Judgement) -> CsvText {
             broken,
             newly_broken,
             kept.to_string(),
+            optimized.to_string(),
         ]);
     }
     table

@@ -18,7 +18,8 @@ pub trait PlanSearch: Debug + Send {
 /// Makes the plans of steps in place of the optimization.
 pub trait Planner: Debug + Send {
     /// Moves `inputs`, `[Nu, m]`, from the plan before, shifted, to the plan to follow, and returns its
-    /// status and its cost. It allocates nothing.
+    /// status and its cost. With [`SqpStatus::InfeasibleQp`] the optimization goes on from that plan.
+    /// It allocates nothing.
     ///
     /// # Shapes
     ///

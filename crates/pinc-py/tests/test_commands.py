@@ -2,7 +2,10 @@
 
 import csv
 import os
+import signal
 import subprocess
+import threading
+import time
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -147,7 +150,7 @@ def test_a_net_replaces_a_controller(smoke: Path) -> None:
     shrunk = pinc.shrink(
         smoke, out="shrunk", only="rk4", neurons=8, samples=300, iterations=40, loops=4
     )
-    assert list(shrunk.table["driver"]) == ["controller", "net", "checked"]
+    assert list(shrunk.table["driver"]) == ["controller", "net", "checked", "backed"]
     assert shrunk.no_c is None and (shrunk.directory / "smoke_van_der_pol_policy.c").is_file()
     policy = str(shrunk.directory / "policy.json")
     sets = {"control.models": ["rk4", "policy"], "control.policy": policy}

@@ -41,13 +41,15 @@ impl Rating {
 /// 3. the net's plan.
 ///
 /// What this guarantees: inputs stay within their bounds and rates; the plan in use costs, by the
-/// model and from the state measured, no more than the shifted plan if that is within the bounds; and it leaves the bounds on
-/// states and outputs, by the model, only if the shifted plan does. The model's errors, and states between
-/// control steps, are not covered, and there is no guarantee that a plan within the bounds exists.
+/// model and from the state measured, no more than the shifted plan if that is within the bounds; and
+/// it leaves the bounds on states and outputs, by the model, only if all four do. The shifted plan may,
+/// in its last stage: there is no terminal set in which an input is known that stays within the bounds.
+/// The model's errors, and states between control steps, are not covered.
 ///
 /// It is a [`Planner`]: a controller that has it is used as it is without it. A step ends as
-/// [`SqpStatus::Kept`] if the net's plan was taken, as [`SqpStatus::Replaced`] if another one was, and
-/// as [`SqpStatus::InfeasibleQp`] if all leave the bounds.
+/// [`SqpStatus::Kept`] if the net's plan was taken, and as [`SqpStatus::Replaced`] if another one was.
+/// Where all four leave the bounds the controller optimizes, from the best of them: with it as the last
+/// resort a plan leaves the bounds only if the controller finds none within them either.
 ///
 /// Source: Hose, Koehler, Zeilinger and Trimpe, "Approximate non-linear model predictive control
 /// with safety-augmented neural networks" (2023).
@@ -58,6 +60,7 @@ pub struct Checked {
     shifted: Vec<f64>,
     candidate: Vec<f64>,
     trial: Vec<f64>,
+    is_alone: bool,
 }
 
 impl Checked {
@@ -70,7 +73,13 @@ impl Checked {
         check_controller(nmpc)?;
         let zeros = || vec![0.0; policy.net.outputs.middle.len()];
         let [shifted, candidate, trial] = [(); 3].map(|()| zeros());
-        Ok(Self { policy, rater: Rater::new(nmpc), shifted, candidate, trial })
+        Ok(Self { policy, rater: Rater::new(nmpc), shifted, candidate, trial, is_alone: false })
+    }
+
+    /// The same without the controller as the last resort, as in exported C.
+    #[must_use]
+    pub fn alone(self) -> Self {
+        Self { is_alone: true, ..self }
     }
 
     /// Plans from a state for the values to follow and the input applied last: moves `plan`,
@@ -119,7 +128,7 @@ impl Planner for Checked {
         let now = &reference[..self.rater.tracked.len()];
         let (taken, rating) = self.decide(program, [x, now, u_before], inputs);
         let status = match taken {
-            _ if rating.violation > TOLERANCE => SqpStatus::InfeasibleQp,
+            _ if rating.violation > TOLERANCE && !self.is_alone => SqpStatus::InfeasibleQp,
             NETS => SqpStatus::Kept,
             _ => SqpStatus::Replaced,
         };

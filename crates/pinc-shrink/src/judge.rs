@@ -22,6 +22,8 @@ pub struct Outcome {
     pub newly_broken: usize,
     /// The part of the decisions in which the net's plan was taken.
     pub kept: f64,
+    /// The part in which the controller optimized.
+    pub optimized: f64,
 }
 
 /// Loops on states and references that the net was not trained on.
@@ -36,6 +38,8 @@ pub struct Judgement {
     pub net: Outcome,
     /// The net with the check of its plans.
     pub checked: Outcome,
+    /// The same with the controller where no plan stays within the bounds.
+    pub backed: Outcome,
 }
 
 /// The trace of a loop, which begins with the first state.
@@ -43,8 +47,9 @@ pub struct Judgement {
 pub(crate) struct Trace {
     pub(crate) states: Vec<f64>,
     pub(crate) inputs: Vec<f64>,
-    /// In how many steps a net's plan was kept.
+    /// In how many steps a net's plan was kept, and in how many the controller optimized.
     pub(crate) kept: usize,
+    pub(crate) optimized: usize,
 }
 
 /// The loops under a net whose plans are not checked; `None` where the plant cannot be integrated.
@@ -63,7 +68,7 @@ pub(crate) fn loops(
             net.plan(x, r, u, &mut plan);
             let first = u.len();
             u.copy_from_slice(&plan[..first]);
-            Some(true)
+            Some(SqpStatus::Kept)
         })
     };
     in_parts((drawn.references.len(), LOOPS), see, |part| {
@@ -71,11 +76,11 @@ pub(crate) fn loops(
     })
 }
 
-/// The loops under a net whose plans are checked.
+/// The loops under a net whose plans are checked, alone or with the controller as the last resort.
 fn checked_loops(
     batch: &mut NmpcBatch,
     (plant, region): (&Simulator, &Region),
-    policy: &Policy,
+    (policy, is_alone): (&Policy, bool),
     drawn: &Drawn,
     see: &mut See<'_>,
 ) -> Result<Vec<Option<Trace>>, ShrinkError> {
@@ -83,11 +88,12 @@ fn checked_loops(
         nmpc.reset_input(&region.u_before)?;
         nmpc.set_first_plan(&drawn.plans[k])?;
         let checked = Checked::new(policy.clone(), nmpc)?;
+        let checked = if is_alone { checked.alone() } else { checked };
         nmpc.set_planner(Some(Box::new(checked)));
         let trace = run(nmpc, plant.clone(), drawn.at(k, region), |nmpc, x, r, u| {
             let step = nmpc.step(x, &r.repeat(nmpc.problem().horizon)).ok()?;
             u.copy_from_slice(step.u);
-            Some(step.status == SqpStatus::Kept)
+            Some(step.status)
         });
         nmpc.set_planner(None);
         Ok(trace)
@@ -108,7 +114,8 @@ pub(crate) fn judge(
     let mut judgement = Judgement::default();
     let mut steps = 0;
     let net = loops(batch, (plant, region), policy, drawn, see)?;
-    let checked = checked_loops(batch, (plant, region), policy, drawn, see)?;
+    let checked = checked_loops(batch, (plant, region), (policy, true), drawn, see)?;
+    let backed = checked_loops(batch, (plant, region), (policy, false), drawn, see)?;
     let mut scores = |traces: &[Option<Trace>]| {
         let score = |nmpc: &mut Nmpc, k: usize| {
             // One that ends early: the plant cannot be integrated.
@@ -118,7 +125,7 @@ pub(crate) fn judge(
         batch.each(traces.len(), score)
     };
     let by_own = scores(&own);
-    let by_others = [scores(&net), scores(&checked)];
+    let by_others = [scores(&net), scores(&checked), scores(&backed)];
     for (k, reference) in drawn.references.iter().enumerate() {
         if own[k].is_none() {
             continue;
@@ -129,40 +136,47 @@ pub(crate) fn judge(
             (&mut judgement.nmpc, &own[k], by_own[k]),
             (&mut judgement.net, &net[k], by_others[0][k]),
             (&mut judgement.checked, &checked[k], by_others[1][k]),
+            (&mut judgement.backed, &backed[k], by_others[2][k]),
         ] {
             outcome.iae += iae;
             outcome.broken += usize::from(breaks);
             outcome.newly_broken += usize::from(breaks && !by_own[k].1);
+            let counts = trace.as_ref().map_or([0; 2], |trace| [trace.kept, trace.optimized]);
             #[expect(clippy::cast_precision_loss, reason = "far below 2^53 steps")]
-            let kept = trace.as_ref().map_or(0, |trace| trace.kept) as f64;
+            let [kept, optimized] = counts.map(|count| count as f64);
             outcome.kept += kept;
+            outcome.optimized += optimized;
         }
     }
     #[expect(clippy::cast_precision_loss, reason = "far below 2^53 steps")]
     let steps = steps.max(1) as f64;
-    for outcome in [&mut judgement.nmpc, &mut judgement.net, &mut judgement.checked] {
+    let Judgement { nmpc, net, checked, backed, .. } = &mut judgement;
+    for outcome in [nmpc, net, checked, backed] {
         outcome.kept /= steps;
+        outcome.optimized /= steps;
     }
     Ok(judgement)
 }
 
-/// Runs a loop whose inputs `decide` changes to the next ones, and says whether a net planned them.
+/// Runs a loop whose inputs `decide` changes to the next ones; it returns how they were planned.
 fn run(
     nmpc: &mut Nmpc,
     mut plant: Simulator,
     (reference, x, u_before): (&Reference, &[f64], &[f64]),
-    mut decide: impl FnMut(&mut Nmpc, &[f64], &[f64], &mut [f64]) -> Option<bool>,
+    mut decide: impl FnMut(&mut Nmpc, &[f64], &[f64], &mut [f64]) -> Option<SqpStatus>,
 ) -> Option<Trace> {
     let sample_time_s = nmpc.model().sample_time_s();
     let (mut x, mut u) = (x.to_vec(), u_before.to_vec());
-    let (mut states, mut inputs, mut kept) = (x.clone(), Vec::new(), 0);
+    let (mut states, mut inputs, mut kept, mut optimized) = (x.clone(), Vec::new(), 0, 0);
     for k in 0..reference.steps() {
-        kept += usize::from(decide(nmpc, &x, reference.at(k), &mut u)?);
+        let status = decide(nmpc, &x, reference.at(k), &mut u)?;
+        kept += usize::from(status == SqpStatus::Kept);
+        optimized += usize::from(![SqpStatus::Kept, SqpStatus::Replaced].contains(&status));
         plant.integrate(&mut x, &u, sample_time_s).ok()?;
         states.extend_from_slice(&x);
         inputs.extend_from_slice(&u);
     }
-    Some(Trace { states, inputs, kept })
+    Some(Trace { states, inputs, kept, optimized })
 }
 
 /// The absolute errors at the ends of the steps, summed, and whether a bound is broken after the
@@ -203,7 +217,7 @@ mod tests {
     /// Two steps from (5, 5).
     fn trace() -> Trace {
         let states = vec![5.0, 5.0, 1.0, 2.0, 3.0, -1.0];
-        Trace { states, inputs: vec![0.5, -0.5], kept: 2 }
+        Trace { states, inputs: vec![0.5, -0.5], kept: 2, optimized: 0 }
     }
 
     #[test]

@@ -143,9 +143,10 @@ impl Drawn {
             })
         })?;
         let whole = traces.into_iter().map(|trace| {
-            let kept = trace.statuses.len();
+            let optimized = trace.statuses.len();
             let whole = trace.error.is_none();
-            whole.then_some(Trace { states: trace.states, inputs: trace.inputs, kept })
+            let (states, inputs) = (trace.states, trace.inputs);
+            whole.then_some(Trace { states, inputs, kept: 0, optimized })
         });
         Ok(whole.collect())
     }

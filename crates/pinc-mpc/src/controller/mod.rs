@@ -419,6 +419,7 @@ impl Nmpc {
             self.sqp.project(&mut self.plan, &self.previous);
         }
         let planned = self.plan_otherwise(reference);
+        let planned = planned.filter(|of| of.status != SqpStatus::InfeasibleQp);
         if self.config.real_time && planned.is_none() {
             self.prepare_linearization();
         }

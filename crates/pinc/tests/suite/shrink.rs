@@ -16,23 +16,31 @@ fn the_table_and_the_summary_have_the_numbers_of_each_driver() {
     assert_eq!(said.code, Some(0), "{said:?}");
     let table = fs::read_to_string(out.join("shrink.csv")).unwrap();
     let mut lines = table.lines();
-    assert_eq!(lines.next(), Some("driver,loops,iae,broken,newly_broken,kept"));
+    assert_eq!(lines.next(), Some("driver,loops,iae,broken,newly_broken,kept,optimized"));
     let rows: Vec<(&str, Vec<f64>)> = lines
         .map(|line| {
             let (driver, numbers) = line.split_once(',').unwrap();
             (driver, numbers.split(',').map(|number| number.parse().unwrap()).collect())
         })
         .collect();
-    let [("controller", controller), ("net", net), ("checked", checked)] = &rows[..] else {
+    let [("controller", controller), ("net", net), ("checked", checked), ("backed", backed)] =
+        &rows[..]
+    else {
         panic!("{table}")
     };
-    for driver in [controller, net, checked] {
-        assert_eq!((driver.len(), driver[0]), (5, 6.0), "{table}");
+    for driver in [controller, net, checked, backed] {
+        assert_eq!((driver.len(), driver[0]), (6, 6.0), "{table}");
     }
     // The net alone decides always; the check keeps not all that such a net plans.
-    assert_eq!((controller[4], net[4]), (1.0, 1.0), "{table}");
+    assert_eq!((controller[5], net[4]), (1.0, 1.0), "{table}");
+    assert_eq!((checked[5], backed[3]), (0.0, 0.0), "{table}");
     assert!(checked[4] > 0.0 && checked[4] < 1.0, "{table}");
-    for (name, driver) in [("controller", controller), ("net", net), ("net, checked", checked)] {
+    for (name, driver) in [
+        ("controller", controller),
+        ("net", net),
+        ("net, checked", checked),
+        ("net, backed", backed),
+    ] {
         let line = said.stdout.lines().find(|line| line.starts_with(&format!("{name:<15} ")));
         let words = line.unwrap_or_else(|| panic!("{name} in {said:?}"));
         let percent =
@@ -40,7 +48,7 @@ fn the_table_and_the_summary_have_the_numbers_of_each_driver() {
         let broken = format!("broken in {} loops, {} of them", driver[2], driver[3]);
         assert!(words.contains(&percent) && words.contains(&broken), "{words}: {driver:?}");
     }
-    let kept = format!("the check keeps {:.1} % of the net's plans", 100.0 * checked[4]);
+    let kept = format!("the check keeps {:.1} % of the net's plans;", 100.0 * checked[4]);
     assert!(said.stdout.contains(&kept), "{said:?}");
     let policy = |ending| out.join(format!("smoke_van_der_pol_policy.{ending}")).exists();
     assert!(policy("h") && policy("c"));
