@@ -57,12 +57,12 @@ fn the_table_and_the_summary_have_the_numbers_of_each_driver() {
 
 /// `pinc control` runs it by the name "policy", with the model that it was trained with.
 fn the_loop_of_the_net_is_beside_the_controllers(dir: &Path, policy: &Path) {
-    let control = |models: &str, file: &str| {
+    let control = |to: &str, models: &str, file: &str| {
         let mut command = pinc(&["control", "--only", "policy", "--out"]);
         let policy = format!("control.policy=\"{file}\"");
         let config = repository("configs/smoke/van-der-pol.toml");
         let models = format!("control.models={models}");
-        command.arg(dir.join("loop")).args(["--set", &models, "--set", &policy]).arg(config);
+        command.arg(dir.join(to)).args(["--set", &models, "--set", &policy]).arg(config);
         command
     };
     let file = policy.display().to_string();
@@ -70,7 +70,7 @@ fn the_loop_of_the_net_is_beside_the_controllers(dir: &Path, policy: &Path) {
         let metrics = fs::read_to_string(dir.join("metrics.json")).unwrap();
         serde_json::from_str::<serde_json::Value>(&metrics).unwrap()["control"][0].clone()
     };
-    let said = outcome(&mut control("[\"rk4\", \"policy\"]", &file));
+    let said = outcome(&mut control("loop", "[\"rk4\", \"policy\"]", &file));
     assert_eq!(said.code, Some(0), "{said:?}");
     let found = metrics(&dir.join("loop"));
     assert_eq!(found["model"], "policy");
@@ -78,15 +78,15 @@ fn the_loop_of_the_net_is_beside_the_controllers(dir: &Path, policy: &Path) {
     assert!(status.keys().all(|status| status == "kept" || status == "replaced"), "{status:?}");
     assert!(status.contains_key("kept"), "{status:?}");
     assert!(said.stdout.contains("policy"), "{said:?}");
-    let refused = outcome(&mut control("[\"rk5\", \"policy\"]", &file));
+    let refused = outcome(&mut control("refused", "[\"rk5\", \"policy\"]", &file));
     refused.assert_refused(&[&file, "\"model\":\"rk4\"", "expected one for", "\"model\":\"rk5\""]);
-    let refused = outcome(&mut control("[\"policy\"]", &file));
+    let refused = outcome(&mut control("refused", "[\"policy\"]", &file));
     refused.assert_refused(&["control.models", "another model too"]);
     let damaged = fs::read_to_string(policy).unwrap().replace("\"widths\":[", "\"widths\":[1,");
     let other = dir.join("damaged.json");
     fs::write(&other, damaged).unwrap();
     let other = other.display().to_string();
-    let refused = outcome(&mut control("[\"rk4\", \"policy\"]", &other));
+    let refused = outcome(&mut control("refused", "[\"rk4\", \"policy\"]", &other));
     refused.assert_refused(&[&other, "a net from 5 to", "finite numbers expected"]);
     let mut exported = pinc(&["export", "--to", "fmu", "--only", "policy", "--set"]);
     let sets = ["control.models=[\"rk4\", \"policy\"]", "--set"];
