@@ -10,7 +10,8 @@ until so many have a plan that is optimal and ends in the terminal set, x' P x <
 What differs: the model takes 8 steps of RK4 where soeampc has an implicit method of 6 stages; the
 terminal set is not a constraint of the problem, but a plan that ends outside it is no label; bounds do
 not shrink along the horizon, by 0.05 % at most; and the input u = K x + v is within its bounds at both
-ends of an interval. In the loop it is not clipped.
+ends of an interval. In the loop it is not clipped. A loop's first plan to fall back on holds v = 0, where
+soeampc has a plan of its controller.
 """
 
 import argparse
