@@ -52,7 +52,7 @@ def ends(x: np.ndarray, plans: np.ndarray) -> np.ndarray:
 
 
 def labels(batch: pinc.NmpcBatch, count: int) -> tuple[np.ndarray, int, float]:
-    """States with labels, how many were drawn, and the time of the controller in s."""
+    """At least so many states with labels, how many were drawn, and the controller's time in s."""
     random = np.random.default_rng(42)
     found: list[np.ndarray] = []
     drawn, taken = 0, 0.0
@@ -65,7 +65,7 @@ def labels(batch: pinc.NmpcBatch, count: int) -> tuple[np.ndarray, int, float]:
         inside = np.einsum("ki,ij,kj->k", last, P, last) <= TERMINAL
         found.append(x[inside & (np.array(steps.status) == "converged")])
         drawn += CHUNK
-    return np.concatenate(found)[:count], drawn, taken
+    return np.concatenate(found), drawn, taken
 
 
 def main() -> None:
@@ -78,7 +78,7 @@ def main() -> None:
     x, drawn, taken = labels(pinc.NmpcBatch(config), given.labels)
     print(f"{len(x)} labels of {drawn} states: {taken:.1f} s of the controller", flush=True)
     begin = time.perf_counter()
-    shrunk = pinc.shrink(config, out=given.out, only="rk4", neurons=50, iterations=3000)
+    shrunk = pinc.shrink(config, out=given.out, only="rk4", iterations=1500)
     print(f"{shrunk}\n{time.perf_counter() - begin:.1f} s for the net", flush=True)
     policy = str(shrunk.directory / "policy.json")
     sets = {"control.models": ["rk4", "policy"], "control.policy": policy}
