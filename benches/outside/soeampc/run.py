@@ -86,8 +86,11 @@ def main() -> None:
     for name in ["rk4", "policy"]:
         batch = pinc.NmpcBatch(config, only=name, overrides=sets)
         loops = batch.loops(x, np.zeros((50, 3)))
-        counted = Counter(status for loop in loops.status for status in loop)
-        shares = {status: f"{count / 50 / len(x):.2%}" for status, count in counted.items()}
+        # As in soeampc, a loop ends in the terminal set.
+        states = loops.states[:, :-1]
+        outside = np.einsum("lki,ij,lkj->lk", states, P, states) > TERMINAL
+        counted = Counter(np.array(loops.status)[outside].tolist())
+        shares = {status: f"{count / outside.sum():.2%}" for status, count in counted.items()}
         broken = (np.abs(loops.states[:, 1:]) > 0.2002).any(axis=(1, 2)).sum()
         print(name, shares, f"IAE {loops.iae.mean():.4f}, bounds broken in {broken} of {len(x)} loops")
 
