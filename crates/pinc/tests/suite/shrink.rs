@@ -86,7 +86,7 @@ fn the_loop_of_the_net_is_beside_the_controllers(dir: &Path, policy: &Path) {
     let other = dir.join("damaged.json");
     fs::write(&other, damaged).unwrap();
     let other = other.display().to_string();
-    let refused = outcome(&mut control("refused", "[\"rk4\", \"policy\"]", &other));
+    let refused = outcome(&mut control("damaged", "[\"rk4\", \"policy\"]", &other));
     refused.assert_refused(&[&other, "a net from 5 to", "finite numbers expected"]);
     let mut exported = pinc(&["export", "--to", "fmu", "--only", "policy", "--set"]);
     let sets = ["control.models=[\"rk4\", \"policy\"]", "--set"];
