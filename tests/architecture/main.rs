@@ -99,6 +99,7 @@ const CRATES: [(&str, &[&str]); 29] = [
             "pinc-record",
             "pinc-report",
             "pinc-sensitivity",
+            "pinc-shrink",
             "pinc-tube",
             "pinc-verify",
         ],

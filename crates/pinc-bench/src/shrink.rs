@@ -4,8 +4,11 @@ use pinc_config::{ControlSpec, Experiment, ModelKind};
 use pinc_mpc::{Bounds, Reference};
 use pinc_ode::PiecewiseConstant;
 use pinc_record::{CsvText, write_atomically};
-use pinc_runs::{BatchController, ModelFile, Options, RunError, Target, Verbosity, console};
+use pinc_runs::{
+    BatchController, ModelFile, Options, PolicyFile, RunError, Target, Verbosity, console,
+};
 use pinc_shrink::{Judgement, Outcome, Region, ShrinkConfig, ShrinkError, Stage};
+use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 
 /// The command in messages.
@@ -13,6 +16,9 @@ const COMMAND: &str = "pinc shrink";
 
 /// The table of the judgement.
 const TABLE: &str = "shrink.csv";
+
+/// The net, for `control.policy`.
+const POLICY: &str = "policy.json";
 
 /// How far beyond the states of the config's loop the net is trained, as a part of their range.
 const MARGIN: f64 = 0.2;
@@ -54,7 +60,7 @@ pub struct ShrunkController {
 
 /// Trains a net in place of the controller of `experiment`, whose model is `only` one or the config's
 /// first, or the net in the file `model`; judges its closed loops beside the controller's; and writes
-/// the judgement, `shrink.csv`, and the net with its check as C to `dir`.
+/// the judgement, `shrink.csv`, the net, `policy.json`, and the net with its check as C to `dir`.
 ///
 /// # Errors
 ///
@@ -74,22 +80,27 @@ pub fn shrink(
     let config = ShrinkConfig { neurons, samples, iterations, loops, hold, seed, threads: 0 };
     let region = region(&mut controller)?;
     let mut see = |stage: Stage| {
+        if options.check_interrupt(dir).is_err() {
+            return ControlFlow::Break(());
+        }
         let line = match stage {
             Stage::Labelling(plans) => format!("making {plans} plans"),
             Stage::Training(iteration, loss) if iteration % 500 == 0 => {
                 format!("iteration {iteration}: loss {loss:.2e}")
             }
             Stage::Judging(loops) => format!("judging {loops} loops"),
-            _ => return,
+            _ => return ControlFlow::Continue(()),
         };
         if options.verbosity == Verbosity::Shown {
             console::note(&line);
         }
+        ControlFlow::Continue(())
     };
     let (batch, plant) = controller.parts();
     let shrunk = pinc_shrink::shrink(batch, plant, &region, &config, &mut see)
-        .map_err(|error| of_shrink(&experiment.name, error))?;
+        .map_err(|error| of_shrink(&experiment.name, error));
     options.check_interrupt(dir)?;
+    let shrunk = shrunk?;
     std::fs::create_dir_all(dir)
         .map_err(|error| RunError::usage(dir.display(), error.to_string()))?;
     let to = (Target::C, false);
@@ -99,6 +110,8 @@ pub fn shrink(
             Ok(pinc_shrink::policy_to_c(&shrunk.policy, nmpc, of, name)?.into())
         });
     let c = exported.map_err(|error| error.to_string());
+    let file = PolicyFile::new(&controller, shrunk.policy.net().clone());
+    write_atomically(&dir.join(POLICY), file.to_string().as_bytes())?;
     write_atomically(&dir.join(TABLE), table(&shrunk.judgement).as_bytes())?;
     let (weights, labels) = (shrunk.policy.weights(), shrunk.labels);
     Ok(ShrunkController { judgement: shrunk.judgement, c, weights, labels })
@@ -168,13 +181,14 @@ fn range<'a>(rows: impl Iterator<Item = &'a [f64]>, width: usize) -> Bounds {
 
 impl std::fmt::Display for ShrunkController {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        let Judgement { loops, nmpc, net, checked, .. } = self.judgement;
+        let Judgement { loops, nmpc, net, checked, backed, .. } = self.judgement;
         writeln!(
             f,
             "a net of {} weights, trained on {} plans; {loops} loops, references not known in advance:",
             self.weights, self.labels
         )?;
-        for (name, of) in [("controller", nmpc), ("net", net), ("net, checked", checked)] {
+        let backing = ("net, backed", backed);
+        for (name, of) in [("controller", nmpc), ("net", net), ("net, checked", checked), backing] {
             writeln!(
                 f,
                 "{name:<15} {:>9.3} % of the controller's IAE, bounds broken in {} loops, {} of them kept by the controller",
@@ -183,16 +197,23 @@ impl std::fmt::Display for ShrunkController {
                 of.newly_broken
             )?;
         }
-        write!(f, "the check keeps {:.1} % of the net's plans", 100.0 * checked.kept)
+        write!(
+            f,
+            "the check keeps {:.1} % of the net's plans; backed by the controller, that plans {:.1} % of the steps",
+            100.0 * checked.kept,
+            100.0 * backed.optimized
+        )
     }
 }
 
 /// The judgement as a table.
 fn table(judgement: &Judgement) -> CsvText {
-    let mut table = CsvText::new(["driver", "loops", "iae", "broken", "newly_broken", "kept"]);
-    let Judgement { loops, nmpc, net, checked, .. } = *judgement;
-    for (name, of) in [("controller", nmpc), ("net", net), ("checked", checked)] {
-        let Outcome { iae, broken, newly_broken, kept, .. } = of;
+    let heads = ["driver", "loops", "iae", "broken", "newly_broken", "kept", "optimized"];
+    let mut table = CsvText::new(heads);
+    let Judgement { loops, nmpc, net, checked, backed, .. } = *judgement;
+    for (name, of) in [("controller", nmpc), ("net", net), ("checked", checked), ("backed", backed)]
+    {
+        let Outcome { iae, broken, newly_broken, kept, optimized, .. } = of;
         let counts = [loops, broken, newly_broken].map(|count| count.to_string());
         let [loops, broken, newly_broken] = counts;
         table.push([
@@ -202,6 +223,7 @@ fn table(judgement: &Judgement) -> CsvText {
             broken,
             newly_broken,
             kept.to_string(),
+            optimized.to_string(),
         ]);
     }
     table

@@ -3,7 +3,7 @@
 
 use crate::numbers::short;
 use crate::{Finding, LISTED, Rehearsal, Subject};
-use pinc_config::{ControlSpec, EstimatorSpec, LoopParameters, ModelKind, Variables};
+use pinc_config::{ControlSpec, EstimatorSpec, LoopParameters, Variables};
 use pinc_estimate::{Augmented, Ekf, Estimator, Gate, Measured};
 use pinc_ode::{Dims, Integrator, Model, OutputLinearization, Stages};
 
@@ -61,10 +61,7 @@ fn judged(
     let measurement = control.measurement.clone().unwrap_or_default();
     let LoopParameters { names, values, estimated } = subject.experiment.loop_parameters();
     let plant = subject.experiment.plant.family(&names);
-    let integrator = match rehearsal.model {
-        ModelKind::Integrator(integrator) => integrator,
-        ModelKind::Pinc | ModelKind::BlackBox => Integrator::Rk4,
-    };
+    let integrator = rehearsal.model.integrator().unwrap_or(Integrator::Rk4);
     let substeps = control.own_substeps(integrator);
     let parameters = (&values[..], &estimated[..]);
     let augmentation = estimator.augmentation(&measurement, &variables, parameters);

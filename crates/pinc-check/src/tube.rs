@@ -2,7 +2,7 @@
 
 use crate::{Finding, Rehearsal, Subject, estimation::marks, short};
 use pinc_config::{
-    ControlSpec, LoopParameters, ModelKind, NetErrorSpec, TubeParts, UncertaintySpec, Variables,
+    ControlSpec, LoopParameters, NetErrorSpec, TubeParts, UncertaintySpec, Variables,
 };
 use pinc_mpc::NmpcProblem;
 use pinc_ode::{DynPlant, Integrator, LinearizationBuffer, Stages, Variable};
@@ -67,10 +67,7 @@ fn along_the_loop(
     rehearsal: &Rehearsal,
     subject: &Subject<'_>,
 ) -> Option<BackOffs> {
-    let integrator = match rehearsal.model {
-        ModelKind::Integrator(integrator) => integrator,
-        ModelKind::Pinc | ModelKind::BlackBox => Integrator::Rk4,
-    };
+    let integrator = rehearsal.model.integrator().unwrap_or(Integrator::Rk4);
     let step_s = subject.step_s();
     let substeps = control.substeps(integrator, step_s, step_s);
     let model = || plant.model(integrator, step_s, substeps).ok();

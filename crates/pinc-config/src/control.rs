@@ -16,8 +16,13 @@ use std::path::PathBuf;
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ControlSpec {
-    /// The models in the controller. The loop runs once with each, in this order.
+    /// The models in the controller. The loop runs once with each, in this order. With "policy" the
+    /// net in `policy` takes the optimization's place, checked by the first of the others.
     pub models: Vec<ModelKind>,
+    /// File of a net in place of the optimization, `policy.json` of `pinc shrink`. Only the model
+    /// "policy" reads it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub policy: Option<PathBuf>,
     /// The plant in the loop; if absent, the plant that the models describe.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub plant: Option<PlantSpec>,
@@ -215,6 +220,16 @@ pub struct ControlSpec {
 }
 
 impl ControlSpec {
+    /// The model that a loop of this kind works with.
+    #[must_use]
+    pub fn model_of(&self, kind: ModelKind) -> ModelKind {
+        let other = || self.models.iter().copied().find(|other| *other != ModelKind::Policy);
+        match kind {
+            ModelKind::Policy => other().unwrap_or(ModelKind::RK4),
+            own => own,
+        }
+    }
+
     /// The problem for a plant with these variables.
     #[must_use]
     pub fn problem(&self, variables: &Variables, sample_time_s: f64) -> NmpcProblem {

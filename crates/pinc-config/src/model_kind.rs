@@ -1,4 +1,4 @@
-//! The model inside the controller, by name.
+//! The model inside the controller, or the net in the controller's place, by name.
 
 use pinc_ode::Integrator;
 use serde::{Deserialize, Deserializer, Serialize, Serializer, de};
@@ -13,9 +13,11 @@ pub enum ModelKind {
     Integrator(Integrator),
     /// The plant without an equation itself, with Jacobians by differences.
     BlackBox,
+    /// A net in place of the optimization; its plans are checked by another model.
+    Policy,
 }
 
-const COUNT: usize = 2 + Integrator::ALL.len();
+const COUNT: usize = 3 + Integrator::ALL.len();
 
 impl ModelKind {
     /// The Runge-Kutta method of order 4.
@@ -35,7 +37,8 @@ impl ModelKind {
             all[1 + i] = Self::Integrator(Integrator::ALL[i]);
             i += 1;
         }
-        all[COUNT - 1] = Self::BlackBox;
+        all[COUNT - 2] = Self::BlackBox;
+        all[COUNT - 1] = Self::Policy;
         all
     };
 
@@ -57,6 +60,7 @@ impl ModelKind {
             Self::Pinc => "pinc",
             Self::Integrator(integrator) => integrator.name(),
             Self::BlackBox => "black-box",
+            Self::Policy => "policy",
         }
     }
 
@@ -67,6 +71,7 @@ impl ModelKind {
             Self::Pinc => "PINC",
             Self::Integrator(integrator) => integrator.title(),
             Self::BlackBox => "black box",
+            Self::Policy => "policy",
         }
     }
 
@@ -81,8 +86,14 @@ impl ModelKind {
     pub const fn integrator(self) -> Option<Integrator> {
         match self {
             Self::Integrator(integrator) => Some(integrator),
-            Self::Pinc | Self::BlackBox => None,
+            Self::Pinc | Self::BlackBox | Self::Policy => None,
         }
+    }
+
+    /// Whether it is a model without a net.
+    #[must_use]
+    pub const fn is_numerical(self) -> bool {
+        matches!(self, Self::Integrator(_) | Self::BlackBox)
     }
 }
 

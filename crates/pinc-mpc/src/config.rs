@@ -21,6 +21,10 @@ pub enum SqpStatus {
     Deadline,
     /// One step of a real-time iteration was taken; its outcome is not judged.
     Prepared,
+    /// A net's plan passed its check. Nothing was optimized.
+    Kept,
+    /// The check of a net's plan preferred another one. Nothing was optimized.
+    Replaced,
     /// No plan satisfies the dynamics and the hard constraints, near the one found.
     InfeasibleQp,
     /// The residual is above the tolerance, and no step makes the plan better: it is as good as
@@ -42,6 +46,8 @@ impl fmt::Display for SqpStatus {
             Self::IterationLimit => "iteration-limit",
             Self::Deadline => "deadline",
             Self::Prepared => "prepared",
+            Self::Kept => "kept",
+            Self::Replaced => "replaced",
             Self::InfeasibleQp => "infeasible-qp",
             Self::Stalled => "stalled",
             Self::NumericalTrouble => "numerical-trouble",

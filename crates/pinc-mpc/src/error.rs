@@ -90,8 +90,8 @@ pub enum MpcError {
     /// A plan that ends where it begins, where none can be.
     #[error("a periodic plan does not go with {0}")]
     WithOrbit(&'static str),
-    /// Derivatives of a plan with whole inputs, which have none.
-    #[error("a plan with whole inputs has no derivatives")]
+    /// Derivatives of a plan with whole inputs, or one that was not optimized, which have none.
+    #[error("a plan with whole inputs, or of a net, has no derivatives")]
     SearchedDerivatives,
     /// Derivatives of a plan on a scenario tree.
     #[error("a plan for scenarios has no derivatives")]

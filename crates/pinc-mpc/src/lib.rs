@@ -72,7 +72,7 @@ pub use program::{OutputPoint, Program};
 pub use reference::Reference;
 pub use report::StepReport;
 pub use scenarios::Scenarios;
-pub use search::{PlanSearch, Programs};
+pub use search::{PlanSearch, Planner, Programs};
 pub use solution::Solution;
 pub use stage_cost::{QuadBlock, StageCost, StagePoint};
 pub use timetable::{BoundSchedule, Bounded, Timetable};

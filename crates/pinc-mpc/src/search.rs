@@ -1,8 +1,8 @@
-//! A search beyond the optimization, for plans with whole numbers for instance.
+//! A search beyond the optimization, for plans with whole numbers for instance, and plans without one.
 
 use crate::horizon::Horizon;
 use crate::sqp::{Outcome, Sqp, StepInput};
-use crate::{Solution, SqpStatus};
+use crate::{Program, Solution, SqpStatus};
 use std::fmt::{self, Debug};
 
 /// Looks for the plan of a step among programs with other bounds on the inputs.
@@ -13,6 +13,23 @@ pub trait PlanSearch: Debug + Send {
 
     /// Moves an input, `m`, to one that may be applied, however the step ended.
     fn admit(&self, u: &mut [f64]);
+}
+
+/// Makes the plans of steps in place of the optimization.
+pub trait Planner: Debug + Send {
+    /// Moves `inputs`, `[Nu, m]`, from the plan before, shifted, to the plan to follow, and returns its
+    /// status and its cost. With [`SqpStatus::InfeasibleQp`] the optimization goes on from that plan.
+    /// It allocates nothing.
+    ///
+    /// # Shapes
+    ///
+    /// `at`: the state, `n`; the reference, `[N2, outputs]`; the input applied last, `m`.
+    fn plan(
+        &mut self,
+        program: &mut Program<'_>,
+        at: [&[f64]; 3],
+        inputs: &mut [f64],
+    ) -> (SqpStatus, f64);
 }
 
 /// The programs of a step: the problem with other bounds on the inputs, solved one after another,

@@ -2,7 +2,10 @@
 
 import csv
 import os
+import signal
 import subprocess
+import threading
+import time
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -147,10 +150,26 @@ def test_a_net_replaces_a_controller(smoke: Path) -> None:
     shrunk = pinc.shrink(
         smoke, out="shrunk", only="rk4", neurons=8, samples=300, iterations=40, loops=4
     )
-    assert list(shrunk.table["driver"]) == ["controller", "net", "checked"]
+    assert list(shrunk.table["driver"]) == ["controller", "net", "checked", "backed"]
     assert shrunk.no_c is None and (shrunk.directory / "smoke_van_der_pol_policy.c").is_file()
+    policy = str(shrunk.directory / "policy.json")
+    sets = {"control.models": ["rk4", "policy"], "control.policy": policy}
+    controller = pinc.Nmpc(smoke, only="policy", overrides=sets)
+    assert controller.step([0.5, 0.1]).status in ("kept", "replaced")
     with pytest.raises(pinc.InputError, match="neurons: 0 given"):
         pinc.shrink(smoke, only="rk4", neurons=0)
+
+
+def test_ctrl_c_ends_the_training_of_a_net_for_a_controller(smoke: Path) -> None:
+    main = threading.main_thread().ident
+    assert main is not None
+    thread = threading.Timer(2.0, lambda: signal.pthread_kill(main, signal.SIGINT))
+    thread.start()
+    begin = time.monotonic()
+    with pytest.raises(KeyboardInterrupt):
+        pinc.shrink(smoke, out="stopped", only="rk4", iterations=10_000_000)
+    thread.join()
+    assert time.monotonic() - begin < 2.0 + 1.0
 
 
 def test_messages_name_arguments_of_python(smoke: Path) -> None:

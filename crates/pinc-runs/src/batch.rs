@@ -13,6 +13,7 @@ pub struct BatchController {
     batch: NmpcBatch,
     spec: ControlSpec,
     variables: Variables,
+    kind: ModelKind,
     plant: Simulator,
     /// What the config's loop has and a loop of a batch does not.
     without: Option<&'static str>,
@@ -55,6 +56,7 @@ impl BatchController {
             batch,
             plant: Simulator::new(setup.truth, spec.plant_tolerance),
             variables: Variables::of(&*chosen.plant),
+            kind: chosen.kind,
             without: first([
                 ("control.estimator", setup.sections().is_some()),
                 ("control.plant", spec.plant.is_some()),
@@ -86,6 +88,12 @@ impl BatchController {
     #[must_use]
     pub fn spec(&self) -> &ControlSpec {
         &self.spec
+    }
+
+    /// Which of the config's models it works with.
+    #[must_use]
+    pub fn kind(&self) -> ModelKind {
+        self.kind
     }
 
     /// The plant's variables.

@@ -80,7 +80,8 @@ impl<'e> Chosen<'e> {
         if !spec.models.contains(&kind) {
             return Err(RunError::missing_model(name, kind));
         }
-        if model.is_some() && kind != ModelKind::Pinc {
+        let own = spec.model_of(kind);
+        if model.is_some() && own != ModelKind::Pinc {
             let problem = format!(
                 "a model file is given beside `only` = \"{}\", which uses no net; leave one of \
                  them out",
@@ -88,7 +89,7 @@ impl<'e> Chosen<'e> {
             );
             return Err(RunError::usage(format!("`{command}`"), problem));
         }
-        let given = match (kind, model) {
+        let given = match (own, model) {
             (ModelKind::Pinc, None) => return Err(RunError::no_model_file(name, command)),
             (ModelKind::Pinc, Some(file)) => Some(file.matching(experiment)?),
             _ => None,

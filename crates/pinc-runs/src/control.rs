@@ -222,7 +222,7 @@ pub(super) fn rehearse(
     sample_time_s: f64,
     work: &Work,
 ) -> Result<Rehearsal, RunError> {
-    let integrator = spec.models.iter().find(|kind| **kind != ModelKind::Pinc);
+    let integrator = spec.models.iter().find(|kind| kind.is_numerical());
     let other = if plant.black_box().is_some() { ModelKind::BlackBox } else { ModelKind::RK4 };
     let kind = integrator.copied().unwrap_or(other);
     let spec = ControlSpec { estimator: None, uncertainty: None, ..spec.clone() };
@@ -262,7 +262,7 @@ fn iteration_units(dims: Dims, spec: &ControlSpec, kind: ModelKind, metered: &Me
     let evaluations = match kind {
         ModelKind::Integrator(integrator) => evaluations(spec, integrator),
         ModelKind::BlackBox => 1 + dims.nx + dims.nu,
-        ModelKind::Pinc => evaluations(spec, Integrator::Rk4),
+        ModelKind::Pinc | ModelKind::Policy => evaluations(spec, Integrator::Rk4),
     };
     // About four derivatives cost as much as the value.
     let model = evaluations as u64 * metered.units() * (1 + (dims.nx + dims.nu) as u64 / 4);
@@ -286,7 +286,7 @@ fn rehearsed_steps(dims: Dims, spec: &ControlSpec, kind: ModelKind) -> usize {
         },
         // A millisecond or so for each run of the black box.
         ModelKind::BlackBox => 10_000,
-        ModelKind::Pinc => evaluations(spec, Integrator::Rk4),
+        ModelKind::Pinc | ModelKind::Policy => evaluations(spec, Integrator::Rk4),
     };
     let dense = if kind == ModelKind::ROSENBROCK { dims.nx } else { 1 };
     let sizes = [spec.n2, stages, dims.nx, dims.nx + dims.nu, dense];
@@ -319,7 +319,7 @@ impl<'a> LoopSetup<'a> {
 impl LoopSetup<'_> {
     /// What watches the net, if that is the model.
     fn guard(&self, kind: ModelKind) -> Option<Guard<'_>> {
-        let net = self.net.filter(|_| kind == ModelKind::Pinc);
+        let net = self.net.filter(|_| self.spec.model_of(kind) == ModelKind::Pinc);
         net.map(|net| Guard::new(net, self.spec.outside_domain))
     }
 

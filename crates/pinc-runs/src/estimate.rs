@@ -123,7 +123,7 @@ pub fn estimator(
     let estimator = spec.estimator.as_ref().ok_or_else(|| missing("control.estimator"))?;
     let net = model.map(|file| file.matching(experiment)).transpose()?;
     let net = net.map(|(_, net)| net);
-    let numerical = || spec.models.iter().copied().find(|kind| *kind != ModelKind::Pinc);
+    let numerical = || spec.models.iter().copied().find(|kind| kind.is_numerical());
     let kind = match (only, &net) {
         (Some(ModelKind::Pinc), None) => return Err(missing("model (a file: --model)")),
         (Some(kind), _) => kind,

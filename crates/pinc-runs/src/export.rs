@@ -149,7 +149,9 @@ pub fn export_controller_with(
     let spec = chosen.spec;
     let (constant, without) =
         ("constant bounds, or `pinc serve`", "a config without it, or `pinc serve`");
+    let of_shrink = "the C that `pinc shrink` writes, or `pinc serve`";
     for (feature, instead, is_there) in [
+        ("control.policy", of_shrink, chosen.kind == ModelKind::Policy),
         ("control.first_plan", without, spec.first_plan.is_some()),
         ("control.free_time", without, spec.free_time.is_some()),
         ("control.end_state", without, !spec.end_state.is_empty()),

@@ -62,7 +62,7 @@ impl LoopSetup<'_> {
         plant: &dyn DynPlant,
         length_s: f64,
     ) -> Result<Box<dyn Model>, RunError> {
-        Ok(match (kind, self.net) {
+        Ok(match (self.spec.model_of(kind), self.net) {
             (ModelKind::Pinc, Some(net)) => {
                 let model = PincModel::at(net, length_s)?;
                 match Variables::of(plant).own_outputs().is_empty() {
@@ -71,7 +71,9 @@ impl LoopSetup<'_> {
                     false => Box::new(WithOutputs::new(model, outputs(plant, length_s)?)),
                 }
             }
-            (ModelKind::Pinc, None) => unreachable!("the plan trains or reads a net for this loop"),
+            (ModelKind::Pinc | ModelKind::Policy, _) => {
+                unreachable!("the plan trains or reads a net for this loop")
+            }
             (ModelKind::BlackBox, _) => match plant.black_box() {
                 Some(black_box) => Box::new(FlowModel::new(black_box, length_s)),
                 None => unreachable!("the config was checked for it"),
@@ -99,6 +101,9 @@ impl LoopSetup<'_> {
         kind: ModelKind,
         plant: &dyn DynPlant,
     ) -> Result<(Nmpc, Option<SharedLog>), RunError> {
+        if kind == ModelKind::Policy {
+            return self.policy(plant);
+        }
         let (mut problem, mut augmentation) = (self.problem(), None);
         if let Some((estimator, measurement)) = self.sections() {
             let unknown =

@@ -68,8 +68,8 @@ pub fn identify(
         (Some(ModelKind::Pinc), None) => {
             return Err(RunError::no_model_file(name, command));
         }
-        (Some(ModelKind::BlackBox), _) => {
-            return Err(RunError::missing_model(name, ModelKind::BlackBox));
+        (Some(kind @ (ModelKind::BlackBox | ModelKind::Policy)), _) => {
+            return Err(RunError::missing_model(name, kind));
         }
         (Some(kind), _) => kind,
         (None, Some(_)) => ModelKind::Pinc,

@@ -41,6 +41,7 @@ mod live_state;
 mod loop_error;
 mod model_error;
 mod one_step;
+mod policy;
 mod predict;
 pub mod progress;
 mod proof;
@@ -69,6 +70,7 @@ pub use live::{Follow, LiveController, LiveStep};
 pub use live_state::LiveState;
 pub use pinc_check::{Finding, IntegratorBox, Severity, findings_json};
 pub use pinc_verify::ErrorEstimate;
+pub use policy::PolicyFile;
 pub use predict::predict;
 pub use progress::Verbosity;
 pub use proof::{Certificate, certificate};
@@ -267,13 +269,15 @@ impl Plan {
         let missing = |section, command| RunError::missing_section(name, section, command);
         let configured = experiment.control.as_ref().map(|c| c.models.clone());
         let mut plan = Self { trains: false, runs_free: false, loops: Vec::new(), given: None };
+        let is_net = |kind: &ModelKind| {
+            experiment.control.as_ref().is_some_and(|c| c.model_of(*kind) == ModelKind::Pinc)
+        };
         match command {
             Command::Run => {
                 plan.trains = experiment.training.is_some();
                 plan.loops = configured.unwrap_or_default();
                 plan.runs_free = plan.trains && experiment.prediction.is_some();
-                if !plan.trains && (plan.loops.is_empty() || plan.loops.contains(&ModelKind::Pinc))
-                {
+                if !plan.trains && (plan.loops.is_empty() || plan.loops.iter().any(is_net)) {
                     return Err(missing("training", "pinc run"));
                 }
             }
@@ -293,13 +297,13 @@ impl Plan {
                 }
                 plan.given =
                     model.map(|path| read_matching_model(experiment, &path)).transpose()?;
-                plan.trains = plan.given.is_none() && plan.loops.contains(&ModelKind::Pinc);
+                plan.trains = plan.given.is_none() && plan.loops.iter().any(is_net);
                 if plan.trains && experiment.training.is_none() {
                     return Err(missing("training", "pinc control without --model"));
                 }
             }
         }
-        if plan.loops.contains(&ModelKind::Pinc) {
+        if plan.loops.iter().any(is_net) {
             // Before a training of minutes is in vain.
             proof::check_ahead(experiment, plan.given.as_ref().map(|(_, net)| net))?;
         }

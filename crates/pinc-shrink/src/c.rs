@@ -1,7 +1,7 @@
 //! A net with its check as C.
 
-use crate::Policy;
-use crate::check::{Limit, limits, place, size, urgency};
+use crate::check::{Limit, Rater, size, urgency};
+use crate::{Policy, PolicyNet};
 use pinc_export::{Controller, ExportError, GeneratedFile, ModelSource, Name, lanes_to_c};
 use pinc_mpc::Nmpc;
 use std::fmt::Write as _;
@@ -28,24 +28,15 @@ pub fn policy_to_c(
     let problem = nmpc.problem().clone();
     let dims = nmpc.model().dims();
     let (inputs, horizon) = (problem.control_horizon * dims.nu, problem.horizon);
-    let program = nmpc.program();
+    let rater = Rater::new(nmpc);
     let mut tables = Tables::default();
-    tables.numbers("weights", &weights(policy), " + PINC_BLOCK");
+    tables.numbers("weights", &weights(&policy.net), " + PINC_BLOCK");
     let outputs = problem.tracked.len();
     let count = if problem.uses_outputs() { dims.ny } else { 0 };
-    let q = (1..=horizon).map(|j| match j < problem.n1 {
-        true => vec![0.0; outputs * outputs],
-        false => program.tracking_weight(j).iter().map(|q| 0.5 * q).collect(),
-    });
-    tables.matrices("q", &q.collect::<Vec<_>>(), outputs);
-    let r = (0..problem.control_horizon).map(|i| {
-        let entry = |at| problem.weights.r.at(i).entry(at / dims.nu, at % dims.nu);
-        (0..dims.nu * dims.nu).map(entry).collect()
-    });
-    tables.matrices("r", &r.collect::<Vec<_>>(), dims.nu);
-    let tracked = problem.tracked.iter().map(|tracked| place(*tracked, dims));
-    tables.places("tracked", &tracked.collect::<Vec<_>>());
-    let stages: Vec<Vec<Limit>> = (1..=horizon).map(|j| limits(nmpc, j)).collect();
+    tables.matrices("q", &rater.q, outputs);
+    tables.matrices("r", &rater.r, dims.nu);
+    tables.places("tracked", &rater.tracked);
+    let stages = &rater.limits;
     let is_bounded = |i: &usize| {
         stages.iter().any(|stage| stage[*i].low.is_finite() || stage[*i].high.is_finite())
     };
@@ -71,7 +62,7 @@ pub fn policy_to_c(
         tables.numbers(&format!("{name}_low"), &bounds.low, "");
         tables.numbers(&format!("{name}_high"), &bounds.high, "");
     }
-    let widths = &policy.net.widths;
+    let widths = &policy.net.layers.widths;
     let list: Vec<String> = widths.iter().map(ToString::to_string).collect();
     let model = match controller.model {
         ModelSource::RungeKutta(model) => model.method.name(),
@@ -103,8 +94,7 @@ pub fn policy_to_c(
 
 /// Layer by layer the biases and then, input by input, the weights; the scales of inputs and outputs
 /// are part of the first and the last layer.
-fn weights(policy: &Policy) -> Vec<f64> {
-    let Policy { net, inputs, outputs, .. } = policy;
+fn weights(PolicyNet { layers: net, inputs, outputs }: &PolicyNet) -> Vec<f64> {
     let (mut all, mut first, last) = (Vec::new(), 0, net.widths.len() - 2);
     for (layer, pair) in net.widths.windows(2).enumerate() {
         let (n, m) = (pair[0], pair[1]);

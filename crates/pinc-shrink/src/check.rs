@@ -1,14 +1,18 @@
 //! The check of a net's plan by the model.
 
-use crate::Policy;
-use pinc_mpc::{Bounds, IntervalEnd, Nmpc, Tracked};
+use crate::{Policy, ShrinkError, check_controller};
+use pinc_mpc::{Bounds, IntervalEnd, Nmpc, Planner, Program, SqpStatus, Tracked};
 use pinc_ode::Dims;
+use std::mem::swap;
 
 /// A plan breaks its bounds if it is outside by more than this part of a bound's size.
 pub(crate) const TOLERANCE: f64 = 1e-6;
 
 /// The parts of the way from the shifted plan to the net's that are tried.
 const PARTS: [f64; 3] = [0.0, 0.5, 1.0];
+
+/// The number of the net's plan.
+const NETS: usize = 3;
 
 /// A plan by the model: its cost, and by how much states and outputs are outside their bounds at most,
 /// as a part of the bounds' sizes.
@@ -37,75 +41,76 @@ impl Rating {
 /// 3. the net's plan.
 ///
 /// What this guarantees: inputs stay within their bounds and rates; the plan in use costs, by the
-/// model and from the state measured, no more than the shifted plan if that is within the bounds; and it leaves the bounds on
-/// states and outputs, by the model, only if the shifted plan does. The model's errors, and states between
-/// control steps, are not covered, and there is no guarantee that a plan within the bounds exists.
+/// model and from the state measured, no more than the shifted plan if that is within the bounds; and
+/// it leaves the bounds on states and outputs, by the model, only if all four do. The shifted plan may,
+/// in its last stage: there is no terminal set in which an input is known that stays within the bounds.
+/// The model's errors, and states between control steps, are not covered.
+///
+/// It is a [`Planner`]: a controller that has it is used as it is without it. A step ends as
+/// [`SqpStatus::Kept`] if the net's plan was taken, and as [`SqpStatus::Replaced`] if another one was.
+/// Where all four leave the bounds the controller optimizes, from the best of them: with it as the last
+/// resort a plan leaves the bounds only if the controller finds none within them either.
 ///
 /// Source: Hose, Koehler, Zeilinger and Trimpe, "Approximate non-linear model predictive control
 /// with safety-augmented neural networks" (2023).
 #[derive(Clone, Debug)]
 pub struct Checked {
     policy: Policy,
-    plan: Vec<f64>,
+    rater: Rater,
+    shifted: Vec<f64>,
     candidate: Vec<f64>,
     trial: Vec<f64>,
-    /// Whether the plan is of the step before.
-    has_decided: bool,
+    is_alone: bool,
 }
 
 impl Checked {
-    /// Checks the plans of a net. The `first` plan stands for the shifted one in the first decision:
-    /// a plan of the controller, `[Nu, m]`, or the input applied last, `m`, which it holds.
-    #[must_use]
-    pub fn new(policy: Policy, first: &[f64]) -> Self {
-        let count = policy.outputs.middle.len();
-        let zeros = || vec![0.0; count];
-        let plan = first.iter().copied().cycle().take(count).collect();
-        Self { policy, plan, candidate: zeros(), trial: zeros(), has_decided: false }
+    /// Checks the plans of a net in place of the controller `nmpc`.
+    ///
+    /// # Errors
+    ///
+    /// [`ShrinkError::Feature`] if the controller has something that a net does not replace.
+    pub fn new(policy: Policy, nmpc: &mut Nmpc) -> Result<Self, ShrinkError> {
+        check_controller(nmpc)?;
+        let zeros = || vec![0.0; policy.net.outputs.middle.len()];
+        let [shifted, candidate, trial] = [(); 3].map(|()| zeros());
+        Ok(Self { policy, rater: Rater::new(nmpc), shifted, candidate, trial, is_alone: false })
     }
 
-    /// Returns the plan in use, `[Nu, m]`.
+    /// The same without the controller as the last resort, as in exported C.
     #[must_use]
-    pub fn plan(&self) -> &[f64] {
-        &self.plan
+    pub fn alone(self) -> Self {
+        Self { is_alone: true, ..self }
     }
 
-    /// Plans from the state `x`; the controller gives problem and model. Returns the number of the
-    /// plan that was taken.
+    /// Plans from a state for the values to follow and the input applied last: moves `plan`,
+    /// `[Nu, m]`, from the plan before, shifted and within its bounds, to the plan to follow. Returns
+    /// the number of the plan that was taken, and its rating.
     pub fn decide(
         &mut self,
-        nmpc: &mut Nmpc,
-        x: &[f64],
-        reference: &[f64],
-        u_before: &[f64],
-    ) -> usize {
-        let m = u_before.len();
-        if self.has_decided {
-            // The last input stays where it is, and is held.
-            self.plan.copy_within(m.., 0);
-        }
-        self.has_decided = true;
-        self.policy.limits.project(u_before, &mut self.plan);
+        program: &mut Program<'_>,
+        at: [&[f64]; 3],
+        plan: &mut [f64],
+    ) -> (usize, Rating) {
+        let [x, reference, u_before] = at;
+        let last = plan.len() - u_before.len();
         self.policy.plan(x, reference, u_before, &mut self.candidate);
-        let (held, last) = (self.plan.clone(), self.plan.len() - m);
-        self.plan[last..].copy_from_slice(&self.candidate[last..]);
-        let at = [x, reference, u_before];
-        let (mut best, mut taken, mut plan) = (rate(nmpc, at, &held), 0, held);
+        self.shifted.copy_from_slice(plan);
+        self.shifted[last..].copy_from_slice(&self.candidate[last..]);
+        let (mut best, mut taken) = (self.rater.rate(program, at, plan), 0);
         for (k, part) in PARTS.into_iter().enumerate() {
             self.between(part, u_before);
-            let new = rate(nmpc, at, &self.trial);
+            let new = self.rater.rate(program, at, &self.trial);
             if new.is_better_than(best) {
                 (best, taken) = (new, k + 1);
                 plan.copy_from_slice(&self.trial);
             }
         }
-        self.plan = plan;
-        taken
+        (taken, best)
     }
 
-    /// Writes to `trial` a plan between the one in use and the net's, moved into its bounds.
+    /// Writes to `trial` a plan between the shifted one and the net's, moved into its bounds.
     fn between(&mut self, part: f64, u_before: &[f64]) {
-        let ends = self.plan.iter().zip(&self.candidate);
+        let ends = self.shifted.iter().zip(&self.candidate);
         for (trial, (old, new)) in self.trial.iter_mut().zip(ends) {
             *trial = (1.0 - part) * old + part * new;
         }
@@ -113,43 +118,144 @@ impl Checked {
     }
 }
 
-/// Rates a plan by a rollout of the controller's model. A rollout that is not finite breaks all
-/// bounds.
-pub fn rate(nmpc: &mut Nmpc, [x, reference, u_before]: [&[f64]; 3], plan: &[f64]) -> Rating {
-    let problem = nmpc.problem().clone();
-    let (m, dims) = (u_before.len(), nmpc.model().dims());
-    let (mut x, mut next) = (x.to_vec(), vec![0.0; x.len()]);
-    let (mut cost, mut violation) = (0.0, 0.0_f64);
-    for (i, input) in plan.chunks_exact(m).enumerate() {
-        let before = if i == 0 { u_before } else { &plan[(i - 1) * m..i * m] };
-        let r = problem.weights.r.at(i);
-        let change: Vec<f64> = input.iter().zip(before).map(|(u, before)| u - before).collect();
-        for (row, left) in change.iter().enumerate() {
-            let products = change.iter().enumerate();
-            cost += products.map(|(k, right)| left * r.entry(row, k) * right).sum::<f64>();
-        }
+impl Planner for Checked {
+    fn plan(
+        &mut self,
+        program: &mut Program<'_>,
+        [x, reference, u_before]: [&[f64]; 3],
+        inputs: &mut [f64],
+    ) -> (SqpStatus, f64) {
+        let now = &reference[..self.rater.tracked.len()];
+        let (taken, rating) = self.decide(program, [x, now, u_before], inputs);
+        let status = match taken {
+            _ if rating.violation > TOLERANCE && !self.is_alone => SqpStatus::InfeasibleQp,
+            NETS => SqpStatus::Kept,
+            _ => SqpStatus::Replaced,
+        };
+        (status, rating.cost)
     }
-    for j in 1..=problem.horizon {
-        let acting = (j - 1).min(problem.control_horizon - 1);
-        let u = &plan[acting * m..(acting + 1) * m];
-        let begin = point(nmpc, j - 1, &x, u);
-        nmpc.program().step(j - 1, &x, u, &mut next);
-        std::mem::swap(&mut x, &mut next);
-        let end = point(nmpc, j - 1, &x, u);
-        violation = violation.max(urgency(problem.horizon, j) * outside(nmpc, j, [&begin, &end]));
-        if j < problem.n1 {
-            continue;
-        }
-        let value = |tracked: &Tracked| end[place(*tracked, dims)];
-        let errors: Vec<f64> =
-            problem.tracked.iter().zip(reference).map(|(t, r)| value(t) - r).collect();
+}
+
+/// Rates plans by rollouts of a controller's model. A rollout that is not finite breaks all bounds.
+#[derive(Clone, Debug)]
+pub struct Rater {
+    dims: Dims,
+    n1: usize,
+    /// Where the tracked quantities are in a [`point`](Self::point).
+    pub(crate) tracked: Vec<usize>,
+    /// Q of each stage, and R of each change.
+    pub(crate) q: Vec<Vec<f64>>,
+    pub(crate) r: Vec<Vec<f64>>,
+    /// The bounds of each stage, in the same order at all stages.
+    pub(crate) limits: Vec<Vec<Limit>>,
+    /// The points at both ends of an interval.
+    begin: Vec<f64>,
+    end: Vec<f64>,
+}
+
+impl Rater {
+    /// Rates plans of this controller.
+    #[must_use]
+    pub fn new(nmpc: &mut Nmpc) -> Self {
+        let problem = nmpc.problem().clone();
+        let dims = nmpc.model().dims();
+        let outputs = if problem.uses_outputs() { dims.ny } else { 0 };
         let program = nmpc.program();
-        let q = program.tracking_weight(j).chunks_exact(errors.len().max(1));
-        for (error, row) in errors.iter().zip(q) {
-            cost += 0.5 * error * row.iter().zip(&errors).map(|(q, e)| q * e).sum::<f64>();
+        let q = (1..=problem.horizon).map(|j| match j < problem.n1 {
+            true => vec![0.0; problem.tracked.len().pow(2)],
+            false => program.tracking_weight(j).iter().map(|q| 0.5 * q).collect(),
+        });
+        let q = q.collect();
+        let r = (0..problem.control_horizon).map(|i| {
+            let entry = |at| problem.weights.r.at(i).entry(at / dims.nu, at % dims.nu);
+            (0..dims.nu * dims.nu).map(entry).collect()
+        });
+        let points = vec![0.0; dims.nx + dims.nu + outputs];
+        Self {
+            dims,
+            n1: problem.n1,
+            tracked: problem.tracked.iter().map(|tracked| place(*tracked, dims)).collect(),
+            q,
+            r: r.collect(),
+            limits: (1..=problem.horizon).map(|j| limits(nmpc, j)).collect(),
+            begin: points.clone(),
+            end: points,
         }
     }
-    Rating { cost, violation }
+
+    /// Rates a plan from a state for the values to follow and the input applied last.
+    pub fn rate(
+        &mut self,
+        program: &mut Program<'_>,
+        [x, reference, u_before]: [&[f64]; 3],
+        plan: &[f64],
+    ) -> Rating {
+        let Dims { nx, nu, .. } = self.dims;
+        let (mut cost, mut violation) = (0.0, 0.0_f64);
+        for (i, (input, r)) in plan.chunks_exact(nu).zip(&self.r).enumerate() {
+            let before = if i == 0 { u_before } else { &plan[(i - 1) * nu..i * nu] };
+            cost += square(r, nu, |k| input[k] - before[k]);
+        }
+        let horizon = self.q.len();
+        self.end[..nx].copy_from_slice(x);
+        for j in 1..=horizon {
+            let acting = (j - 1).min(self.r.len() - 1);
+            let u = &plan[acting * nu..(acting + 1) * nu];
+            swap(&mut self.begin, &mut self.end);
+            fill(program, j - 1, (self.dims, u), &mut self.begin);
+            program.step(j - 1, &self.begin[..nx], u, &mut self.end[..nx]);
+            fill(program, j - 1, (self.dims, u), &mut self.end);
+            violation =
+                violation.max(urgency(horizon, j) * self.outside(j, [&self.begin, &self.end]));
+            let error = |k: usize| self.end[self.tracked[k]] - reference[k];
+            cost += square(&self.q[j - 1], self.tracked.len(), error);
+        }
+        Rating { cost, violation }
+    }
+
+    /// Returns state, input and outputs at an end of an interval, one behind the other; outputs only
+    /// if the controller uses any.
+    pub(crate) fn point(&self, program: &mut Program<'_>, x: &[f64], u: &[f64]) -> Vec<f64> {
+        let mut point = self.begin.clone();
+        point[..x.len()].copy_from_slice(x);
+        fill(program, 0, (self.dims, u), &mut point);
+        point
+    }
+
+    /// By how much the points at both ends of the first interval that has bounds on outputs are
+    /// outside their bounds.
+    pub(crate) fn outside_now(&self, ends: [&[f64]; 2]) -> f64 {
+        self.outside(self.n1, ends)
+    }
+
+    /// By how much the points at both ends of the interval that leads to stage `j` are outside their
+    /// bounds, as a part of the bounds' sizes. What is not finite breaks all bounds.
+    fn outside(&self, j: usize, [begin, end]: [&[f64]; 2]) -> f64 {
+        if !end.iter().all(|value| value.is_finite()) {
+            return f64::MAX;
+        }
+        let limits = self.limits[j - 1].iter().map(|Limit { place, at_start, low, high }| {
+            let value = if *at_start { begin[*place] } else { end[*place] };
+            (low - value).max(value - high) / size(*low, *high)
+        });
+        limits.fold(0.0, f64::max)
+    }
+}
+
+/// Writes input and outputs behind the state of a point.
+fn fill(program: &mut Program<'_>, stage: usize, (dims, u): (Dims, &[f64]), point: &mut [f64]) {
+    let (x, rest) = point.split_at_mut(dims.nx);
+    let (input, outputs) = rest.split_at_mut(dims.nu);
+    input.copy_from_slice(u);
+    if !outputs.is_empty() {
+        program.outputs_at(stage, x, u, outputs);
+    }
+}
+
+/// v' M v
+fn square(matrix: &[f64], n: usize, v: impl Fn(usize) -> f64) -> f64 {
+    let entries = matrix.iter().enumerate();
+    entries.map(|(at, entry)| v(at / n) * entry * v(at % n)).sum()
 }
 
 /// How much a violation at stage `j` counts: the later, the less, since later plans may avoid it.
@@ -158,20 +264,8 @@ pub(crate) fn urgency(horizon: usize, j: usize) -> f64 {
     (horizon + 1 - j) as f64 / horizon as f64
 }
 
-/// State, input and outputs at an end of an interval, one behind the other; outputs only if the
-/// controller uses any.
-pub(crate) fn point(nmpc: &mut Nmpc, stage: usize, x: &[f64], u: &[f64]) -> Vec<f64> {
-    let mut point = [x, u].concat();
-    if nmpc.problem().uses_outputs() {
-        let mut outputs = vec![0.0; nmpc.model().dims().ny];
-        nmpc.program().outputs_at(stage, x, u, &mut outputs);
-        point.extend(outputs);
-    }
-    point
-}
-
-/// Where a tracked quantity is in a [`point`].
-pub(crate) fn place(tracked: Tracked, dims: Dims) -> usize {
+/// Where a tracked quantity is in a point.
+fn place(tracked: Tracked, dims: Dims) -> usize {
     match tracked {
         Tracked::State(state) => state,
         Tracked::Input(input) => dims.nx + input,
@@ -182,7 +276,7 @@ pub(crate) fn place(tracked: Tracked, dims: Dims) -> usize {
 /// A quantity with bounds.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Limit {
-    /// Where it is in a [`point`].
+    /// Where it is in a point.
     pub(crate) place: usize,
     /// Whether it is bounded at the start of the interval, instead of its end.
     pub(crate) at_start: bool,
@@ -191,7 +285,7 @@ pub(crate) struct Limit {
 }
 
 /// The bounds of stage `j`, from 1 on, in the same order at all stages.
-pub(crate) fn limits(nmpc: &mut Nmpc, j: usize) -> Vec<Limit> {
+fn limits(nmpc: &mut Nmpc, j: usize) -> Vec<Limit> {
     let dims = nmpc.model().dims();
     let rows: Vec<_> = nmpc.program().output_rows().collect();
     let problem = nmpc.problem();
@@ -211,19 +305,6 @@ pub(crate) fn limits(nmpc: &mut Nmpc, j: usize) -> Vec<Limit> {
         all.extend(rows.iter().map(of_output));
     }
     all
-}
-
-/// By how much the points at both ends of the interval that leads to stage `j` are outside their
-/// bounds, as a part of the bounds' sizes. What is not finite breaks all bounds.
-pub(crate) fn outside(nmpc: &mut Nmpc, j: usize, [begin, end]: [&[f64]; 2]) -> f64 {
-    if !end.iter().all(|value| value.is_finite()) {
-        return f64::MAX;
-    }
-    let limits = limits(nmpc, j).into_iter().map(|Limit { place, at_start, low, high }| {
-        let value = if at_start { begin[place] } else { end[place] };
-        (low - value).max(value - high) / size(low, high)
-    });
-    limits.fold(0.0, f64::max)
 }
 
 /// The size by which violations of two bounds are measured.

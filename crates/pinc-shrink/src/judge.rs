@@ -1,10 +1,9 @@
 //! Closed loops of the net beside the controller's.
 
-use crate::check::{outside, place, point};
-use crate::samples::Drawn;
-use crate::{Checked, Policy, Region};
+use crate::samples::{Drawn, LOOPS};
+use crate::{Checked, Policy, Rater, Region, See, ShrinkError, in_parts};
 use pinc_batch::NmpcBatch;
-use pinc_mpc::{MpcError, Nmpc, Reference};
+use pinc_mpc::{Nmpc, Reference, SqpStatus};
 use pinc_ode::Simulator;
 
 /// A loop breaks its bounds if a state is outside by more than this part of the bounds' size.
@@ -23,6 +22,8 @@ pub struct Outcome {
     pub newly_broken: usize,
     /// The part of the decisions in which the net's plan was taken.
     pub kept: f64,
+    /// The part in which the controller optimized.
+    pub optimized: f64,
 }
 
 /// Loops on states and references that the net was not trained on.
@@ -37,6 +38,8 @@ pub struct Judgement {
     pub net: Outcome,
     /// The net with the check of its plans.
     pub checked: Outcome,
+    /// The same with the controller where no plan stays within the bounds.
+    pub backed: Outcome,
 }
 
 /// The trace of a loop, which begins with the first state.
@@ -44,33 +47,59 @@ pub struct Judgement {
 pub(crate) struct Trace {
     pub(crate) states: Vec<f64>,
     pub(crate) inputs: Vec<f64>,
-    /// In how many steps a net's plan was kept.
+    /// In how many steps a net's plan was kept, and in how many the controller optimized.
     pub(crate) kept: usize,
+    pub(crate) optimized: usize,
 }
 
-/// The loops under a net, whose plans are checked or not; `None` where the plant cannot be
-/// integrated.
+/// The loops under a net whose plans are not checked; `None` where the plant cannot be integrated.
 pub(crate) fn loops(
     batch: &mut NmpcBatch,
     (plant, region): (&Simulator, &Region),
-    (policy, is_checked): (&Policy, bool),
+    policy: &Policy,
     drawn: &Drawn,
-) -> Vec<Option<Trace>> {
-    batch.each(drawn.references.len(), |nmpc, k| {
-        let n = nmpc.model().dims().nx;
-        let x = &drawn.x[k * n..(k + 1) * n];
+    see: &mut See<'_>,
+) -> Result<Vec<Option<Trace>>, ShrinkError> {
+    let one = |nmpc: &mut Nmpc, k: usize| {
         let mut net = policy.clone();
-        let mut checked = is_checked.then(|| Checked::new(policy.clone(), &drawn.plans[k]));
-        let decide = |nmpc: &mut Nmpc, x: &[f64], r: &[f64], u: &[f64], plan: &mut [f64]| {
-            let Some(checked) = &mut checked else {
-                net.plan(x, r, u, plan);
-                return true;
-            };
-            let taken = checked.decide(nmpc, x, r, u);
-            plan.copy_from_slice(checked.plan());
-            taken == 3
-        };
-        run(nmpc, plant.clone(), (&drawn.references[k], x, &region.u_before), decide)
+        let count = nmpc.problem().control_horizon * region.u_before.len();
+        let mut plan = vec![0.0; count];
+        run(nmpc, plant.clone(), drawn.at(k, region), |_, x, r, u| {
+            net.plan(x, r, u, &mut plan);
+            let first = u.len();
+            u.copy_from_slice(&plan[..first]);
+            Some(SqpStatus::Kept)
+        })
+    };
+    in_parts((drawn.references.len(), LOOPS), see, |part| {
+        Ok::<_, ShrinkError>(batch.each(part.len(), |nmpc, k| one(nmpc, part.start + k)))
+    })
+}
+
+/// The loops under a net whose plans are checked, alone or with the controller as the last resort.
+fn checked_loops(
+    batch: &mut NmpcBatch,
+    (plant, region): (&Simulator, &Region),
+    (policy, is_alone): (&Policy, bool),
+    drawn: &Drawn,
+    see: &mut See<'_>,
+) -> Result<Vec<Option<Trace>>, ShrinkError> {
+    let one = |nmpc: &mut Nmpc, k: usize| {
+        nmpc.reset_input(&region.u_before)?;
+        nmpc.set_first_plan(&drawn.plans[k])?;
+        let checked = Checked::new(policy.clone(), nmpc)?;
+        let checked = if is_alone { checked.alone() } else { checked };
+        nmpc.set_planner(Some(Box::new(checked)));
+        let trace = run(nmpc, plant.clone(), drawn.at(k, region), |nmpc, x, r, u| {
+            let step = nmpc.step(x, &r.repeat(nmpc.problem().horizon)).ok()?;
+            u.copy_from_slice(step.u);
+            Some(step.status)
+        });
+        nmpc.set_planner(None);
+        Ok(trace)
+    };
+    in_parts((drawn.references.len(), LOOPS), see, |part| -> Result<Vec<_>, ShrinkError> {
+        batch.each(part.len(), |nmpc, k| one(nmpc, part.start + k)).into_iter().collect()
     })
 }
 
@@ -79,12 +108,14 @@ pub(crate) fn judge(
     (plant, region): (&Simulator, &Region),
     policy: &Policy,
     drawn: &Drawn,
-) -> Result<Judgement, MpcError> {
-    let own = drawn.run(batch, plant, &region.u_before)?;
+    see: &mut See<'_>,
+) -> Result<Judgement, ShrinkError> {
+    let own = drawn.run(batch, plant, &region.u_before, see)?;
     let mut judgement = Judgement::default();
     let mut steps = 0;
-    let [net, checked] =
-        [false, true].map(|is_checked| loops(batch, (plant, region), (policy, is_checked), drawn));
+    let net = loops(batch, (plant, region), policy, drawn, see)?;
+    let checked = checked_loops(batch, (plant, region), (policy, true), drawn, see)?;
+    let backed = checked_loops(batch, (plant, region), (policy, false), drawn, see)?;
     let mut scores = |traces: &[Option<Trace>]| {
         let score = |nmpc: &mut Nmpc, k: usize| {
             // One that ends early: the plant cannot be integrated.
@@ -94,7 +125,7 @@ pub(crate) fn judge(
         batch.each(traces.len(), score)
     };
     let by_own = scores(&own);
-    let by_others = [scores(&net), scores(&checked)];
+    let by_others = [scores(&net), scores(&checked), scores(&backed)];
     for (k, reference) in drawn.references.iter().enumerate() {
         if own[k].is_none() {
             continue;
@@ -105,57 +136,61 @@ pub(crate) fn judge(
             (&mut judgement.nmpc, &own[k], by_own[k]),
             (&mut judgement.net, &net[k], by_others[0][k]),
             (&mut judgement.checked, &checked[k], by_others[1][k]),
+            (&mut judgement.backed, &backed[k], by_others[2][k]),
         ] {
             outcome.iae += iae;
             outcome.broken += usize::from(breaks);
             outcome.newly_broken += usize::from(breaks && !by_own[k].1);
+            let counts = trace.as_ref().map_or([0; 2], |trace| [trace.kept, trace.optimized]);
             #[expect(clippy::cast_precision_loss, reason = "far below 2^53 steps")]
-            let kept = trace.as_ref().map_or(0, |trace| trace.kept) as f64;
+            let [kept, optimized] = counts.map(|count| count as f64);
             outcome.kept += kept;
+            outcome.optimized += optimized;
         }
     }
     #[expect(clippy::cast_precision_loss, reason = "far below 2^53 steps")]
     let steps = steps.max(1) as f64;
-    for outcome in [&mut judgement.nmpc, &mut judgement.net, &mut judgement.checked] {
+    let Judgement { nmpc, net, checked, backed, .. } = &mut judgement;
+    for outcome in [nmpc, net, checked, backed] {
         outcome.kept /= steps;
+        outcome.optimized /= steps;
     }
     Ok(judgement)
 }
 
+/// Runs a loop whose inputs `decide` changes to the next ones; it returns how they were planned.
 fn run(
     nmpc: &mut Nmpc,
     mut plant: Simulator,
     (reference, x, u_before): (&Reference, &[f64], &[f64]),
-    mut decide: impl FnMut(&mut Nmpc, &[f64], &[f64], &[f64], &mut [f64]) -> bool,
+    mut decide: impl FnMut(&mut Nmpc, &[f64], &[f64], &mut [f64]) -> Option<SqpStatus>,
 ) -> Option<Trace> {
     let sample_time_s = nmpc.model().sample_time_s();
     let (mut x, mut u) = (x.to_vec(), u_before.to_vec());
-    let count = nmpc.problem().control_horizon * u.len();
-    let (mut states, mut inputs, mut kept) = (x.clone(), Vec::new(), 0);
-    let mut plan = vec![0.0; count];
+    let (mut states, mut inputs, mut kept, mut optimized) = (x.clone(), Vec::new(), 0, 0);
     for k in 0..reference.steps() {
-        kept += usize::from(decide(nmpc, &x, reference.at(k), &u, &mut plan));
-        let first = u.len();
-        u.copy_from_slice(&plan[..first]);
+        let status = decide(nmpc, &x, reference.at(k), &mut u)?;
+        kept += usize::from(status == SqpStatus::Kept);
+        optimized += usize::from(![SqpStatus::Kept, SqpStatus::Replaced].contains(&status));
         plant.integrate(&mut x, &u, sample_time_s).ok()?;
         states.extend_from_slice(&x);
         inputs.extend_from_slice(&u);
     }
-    Some(Trace { states, inputs, kept })
+    Some(Trace { states, inputs, kept, optimized })
 }
 
 /// The absolute errors at the ends of the steps, summed, and whether a bound is broken after the
 /// first state.
 fn score(nmpc: &mut Nmpc, reference: &Reference, trace: &Trace) -> (f64, bool) {
-    let dims = nmpc.model().dims();
-    let (tracked, stage) = (nmpc.problem().tracked.clone(), nmpc.problem().n1);
+    let (dims, rater) = (nmpc.model().dims(), Rater::new(nmpc));
+    let mut program = nmpc.program();
     let (mut iae, mut breaks) = (0.0, false);
     for (k, u) in trace.inputs.chunks_exact(dims.nu).enumerate() {
-        let mut at = |k: usize| point(nmpc, 0, &trace.states[k * dims.nx..(k + 1) * dims.nx], u);
-        let [begin, end] = [at(k), at(k + 1)];
-        let errors = tracked.iter().zip(reference.at(k));
-        iae += errors.map(|(tracked, r)| (end[place(*tracked, dims)] - r).abs()).sum::<f64>();
-        breaks |= outside(nmpc, stage, [&begin, &end]) > BROKEN;
+        let state = |k: usize| &trace.states[k * dims.nx..(k + 1) * dims.nx];
+        let [begin, end] = [k, k + 1].map(|k| rater.point(&mut program, state(k), u));
+        let errors = rater.tracked.iter().zip(reference.at(k));
+        iae += errors.map(|(place, r)| (end[*place] - r).abs()).sum::<f64>();
+        breaks |= rater.outside_now([&begin, &end]) > BROKEN;
     }
     (iae, breaks)
 }
@@ -182,7 +217,7 @@ mod tests {
     /// Two steps from (5, 5).
     fn trace() -> Trace {
         let states = vec![5.0, 5.0, 1.0, 2.0, 3.0, -1.0];
-        Trace { states, inputs: vec![0.5, -0.5], kept: 2 }
+        Trace { states, inputs: vec![0.5, -0.5], kept: 2, optimized: 0 }
     }
 
     #[test]

@@ -2,7 +2,7 @@
 //! # Tour
 //!
 //! - [`shrink`] makes a [`Policy`], a net in place of a controller, and judges its closed loops;
-//! - [`Checked`] checks its plans by the model, one rollout each;
+//! - [`Checked`] checks its plans by the model, one rollout each, in a controller's place;
 //! - [`policy_to_c`] writes both as C99 without a quadratic program, beside an exported model.
 
 #![forbid(unsafe_code)]
@@ -16,9 +16,9 @@ mod samples;
 mod train;
 
 pub use c::policy_to_c;
-pub use check::{Checked, Rating, rate};
+pub use check::{Checked, Rater, Rating};
 pub use judge::{Judgement, Outcome};
-pub use policy::Policy;
+pub use policy::{Policy, PolicyNet};
 
 use net::Net;
 use pinc_batch::NmpcBatch;
@@ -29,6 +29,7 @@ use policy::{Limits, Scale};
 use rand::SeedableRng;
 use rand::rngs::ChaCha8Rng;
 use samples::Drawn;
+use std::ops::{ControlFlow, Range};
 use thiserror::Error;
 use train::Training;
 
@@ -52,6 +53,17 @@ pub enum ShrinkError {
         /// How many situations were drawn.
         drawn: usize,
     },
+    /// A net for a controller of other sizes, or a damaged one.
+    #[error("a net from {inputs} to {outputs} finite numbers expected, as the controller has")]
+    Sizes {
+        /// States, values to follow, and inputs.
+        inputs: usize,
+        /// Planned inputs.
+        outputs: usize,
+    },
+    /// The caller broke off.
+    #[error("stopped")]
+    Stopped,
     /// An error of the controller.
     #[error(transparent)]
     Mpc(#[from] MpcError),
@@ -112,6 +124,9 @@ impl Default for ShrinkConfig {
     }
 }
 
+/// Told what is done, it says whether to go on.
+pub type See<'a> = dyn FnMut(Stage) -> ControlFlow<()> + 'a;
+
 /// What is done.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
@@ -122,6 +137,8 @@ pub enum Stage {
     Training(usize, f64),
     /// So many loops are judged.
     Judging(usize),
+    /// Part of this is done.
+    Working,
 }
 
 /// A net in place of a controller.
@@ -139,18 +156,18 @@ pub struct Shrunk {
 
 /// Trains a net on plans of a controller, made along closed loops with `plant` and around them, and
 /// on their derivatives; and judges it on other loops. The controller sees no later values of its
-/// references. Results are the same on any number of threads.
+/// references. Results are the same on any number of threads. `see` is asked several times a second.
 ///
 /// # Errors
 ///
-/// [`ShrinkError`] if the controller has something that a net does not replace, or has too few
+/// [`ShrinkError`] if `see` breaks off, the controller has something that a net does not replace, or has too few
 /// optimal plans.
 pub fn shrink(
     batch: &mut NmpcBatch,
     plant: &Simulator,
     region: &Region,
     config: &ShrinkConfig,
-    see: &mut dyn FnMut(Stage),
+    see: &mut See<'_>,
 ) -> Result<Shrunk, ShrinkError> {
     batch.each(1, |nmpc, _| check_controller(nmpc)).into_iter().collect::<Result<(), _>>()?;
     let workers = Workers::new(config.threads)?;
@@ -166,13 +183,13 @@ pub fn shrink(
     // As many plans of the controller's loops as later, each time, of the net's own.
     let quota = config.samples / ROUNDS;
     let loops = (quota.div_ceil(Drawn::per_loop(config.hold.max(2))).max(2), config.hold);
-    let drawn = Drawn::new(batch, region, loops, &mut random)?;
-    let traces = drawn.run(batch, plant, &region.u_before)?;
+    let drawn = Drawn::new(batch, region, loops, (&mut random, see))?;
+    let traces = drawn.run(batch, plant, &region.u_before, see)?;
     let mut situations = drawn.situations(&traces, region, &problem.input_bounds, &mut random);
     situations.truncate(quota);
-    see(Stage::Labelling(situations.len()));
+    go_on(see(Stage::Labelling(situations.len())))?;
     let inputs = Scale::of(situations.iter().map(Vec::as_slice));
-    let mut labels = samples::label(batch, &situations, (&inputs, &limits), &mut random)?;
+    let mut labels = samples::label(batch, &situations, (&inputs, &limits), (&mut random, see))?;
     if labels.len() < situations.len() / 4 || labels.is_empty() {
         return Err(ShrinkError::Labels { found: labels.len(), drawn: situations.len() });
     }
@@ -180,35 +197,62 @@ pub fn shrink(
     let hidden = config.neurons.max(1);
     let widths = vec![inputs.half.len(), hidden, hidden, outputs.half.len()];
     let mut net = Net::new(widths, &mut stream(2));
+    let policy = |net: &Net| {
+        let (layers, inputs, outputs) = (net.clone(), inputs.clone(), outputs.clone());
+        Policy::of(PolicyNet { layers, inputs, outputs }, limits.clone())
+    };
     let mut training = Training::new(net.weights.len());
     let (mut done, mut loss) = (0, f64::INFINITY);
     for round in 1..=ROUNDS {
         let iterations = config.iterations * round / ROUNDS - done;
         let mut told = |iteration, loss| see(Stage::Training(done + iteration, loss));
         let how = (iterations, &workers);
-        loss = training.run((&mut net, dims.nu), &labels, [&inputs, &outputs], how, &mut told);
+        loss = training.run((&mut net, dims.nu), &labels, [&inputs, &outputs], how, &mut told)?;
         done += iterations;
         if round < ROUNDS {
-            let scales = (inputs.clone(), outputs.clone());
-            let policy = Policy::new(net.clone(), scales.0, scales.1, limits.clone());
-            let drawn = Drawn::new(batch, region, loops, &mut random)?;
-            let traces = judge::loops(batch, (plant, region), (&policy, false), &drawn);
+            let policy = policy(&net);
+            let drawn = Drawn::new(batch, region, loops, (&mut random, see))?;
+            let traces = judge::loops(batch, (plant, region), &policy, &drawn, see)?;
             let mut situations =
                 drawn.situations(&traces, region, &problem.input_bounds, &mut random);
             situations.truncate(quota);
-            see(Stage::Labelling(situations.len()));
-            labels.extend(samples::label(batch, &situations, (&inputs, &limits), &mut random)?);
+            go_on(see(Stage::Labelling(situations.len())))?;
+            let with = (&mut random, &mut *see);
+            labels.extend(samples::label(batch, &situations, (&inputs, &limits), with)?);
         }
     }
-    let policy = Policy::new(net, inputs, outputs, limits);
-    see(Stage::Judging(config.loops));
-    let fresh = Drawn::new(batch, region, (config.loops, config.hold), &mut stream(3))?;
-    let judgement = judge::judge(batch, (plant, region), &policy, &fresh)?;
+    let policy = policy(&net);
+    go_on(see(Stage::Judging(config.loops)))?;
+    let loops = (config.loops, config.hold);
+    let fresh = Drawn::new(batch, region, loops, (&mut stream(3), see))?;
+    let judgement = judge::judge(batch, (plant, region), &policy, &fresh, see)?;
     Ok(Shrunk { policy, labels: labels.len(), loss, judgement })
 }
 
+/// Whether to go on.
+fn go_on(flow: ControlFlow<()>) -> Result<(), ShrinkError> {
+    if flow.is_break() { Err(ShrinkError::Stopped) } else { Ok(()) }
+}
+
+/// Does so many things, `size` at a time, and asks in between whether to go on.
+fn in_parts<T, E>(
+    (count, size): (usize, usize),
+    see: &mut See<'_>,
+    mut part: impl FnMut(Range<usize>) -> Result<Vec<T>, E>,
+) -> Result<Vec<T>, ShrinkError>
+where
+    ShrinkError: From<E>,
+{
+    let mut all = Vec::with_capacity(count);
+    for first in (0..count).step_by(size) {
+        go_on(see(Stage::Working))?;
+        all.extend(part(first..count.min(first + size))?);
+    }
+    Ok(all)
+}
+
 /// Refuses what a net does not replace.
-fn check_controller(nmpc: &mut Nmpc) -> Result<(), ShrinkError> {
+pub(crate) fn check_controller(nmpc: &mut Nmpc) -> Result<(), ShrinkError> {
     let costed = nmpc.program().has_stage_cost();
     let problem = nmpc.problem();
     let times = nmpc.stage_times_s();
@@ -223,6 +267,8 @@ fn check_controller(nmpc: &mut Nmpc) -> Result<(), ShrinkError> {
         (!problem.periodic.is_empty(), "a periodic plan", "references by time"),
         (problem.weights.input_sequence.is_some(), "a weight of all inputs", "r"),
         (!equal, "stages of different lengths", "stages of one length"),
+        (nmpc.is_searched(), "whole inputs or a policy", "bounds and the model itself"),
+        (nmpc.tightened().is_some(), "a tube", "tighter bounds"),
     ];
     for (there, feature, instead) in refused {
         if there {

@@ -4,9 +4,11 @@
 use pinc_ad::Scalar;
 use rand::RngExt;
 use rand::rngs::ChaCha8Rng;
+use serde::{Deserialize, Serialize};
 
 /// A net with a linear last layer.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub(crate) struct Net {
     /// Neurons of each layer, inputs and outputs included.
     pub(crate) widths: Vec<usize>,

@@ -1,24 +1,34 @@
 //! A net that plans.
 
+use crate::ShrinkError;
 use crate::net::{Net, Pass};
-use pinc_mpc::{Bounds, NmpcProblem};
+use pinc_mpc::{Bounds, Nmpc, NmpcProblem};
 use pinc_ode::Dims;
+use serde::{Deserialize, Serialize};
 
 /// A net in place of a controller: from the state, the values to follow and the input applied last
 /// to a plan's inputs, `[Nu, m]`, which are moved into their bounds.
 #[derive(Clone, Debug)]
 pub struct Policy {
-    pub(crate) net: Net,
-    pub(crate) inputs: Scale,
-    pub(crate) outputs: Scale,
+    pub(crate) net: PolicyNet,
     pub(crate) limits: Limits,
     pass: Pass<f64>,
     at: Vec<f64>,
     along: Vec<f64>,
 }
 
+/// The numbers of a [`Policy`], to be kept in a file.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct PolicyNet {
+    pub(crate) layers: Net,
+    pub(crate) inputs: Scale,
+    pub(crate) outputs: Scale,
+}
+
 /// Numbers as middle + half width * (a number about -1 to 1).
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub(crate) struct Scale {
     pub(crate) middle: Vec<f64>,
     pub(crate) half: Vec<f64>,
@@ -77,33 +87,71 @@ impl Limits {
     }
 }
 
+impl PolicyNet {
+    /// Whether the numbers are finite and as many as the sizes ask for.
+    fn is_sound(&self, inputs: usize, outputs: usize) -> bool {
+        let Self { layers: Net { widths, weights }, inputs: from, outputs: to } = self;
+        let ends = [(from, inputs, widths.first()), (to, outputs, widths.last())];
+        let fits = |(scale, count, width): (&Scale, usize, Option<&usize>)| {
+            [scale.middle.len(), scale.half.len()] == [count; 2] && width == Some(&count)
+        };
+        let pairs = widths.windows(2).map(|pair| (pair[0] + 1).saturating_mul(pair[1]));
+        let scales = [&from.middle, &from.half, &to.middle, &to.half];
+        widths.len() > 1
+            && ends.into_iter().all(fits)
+            && weights.len() == pairs.fold(0, usize::saturating_add)
+            && scales.into_iter().chain([weights]).flatten().all(|value| value.is_finite())
+    }
+}
+
 impl Policy {
-    pub(crate) fn new(net: Net, inputs: Scale, outputs: Scale, limits: Limits) -> Self {
-        let width = net.widths[0];
+    /// A net in place of the controller `nmpc`.
+    ///
+    /// # Errors
+    ///
+    /// [`ShrinkError::Sizes`] if the net is not of the controller's sizes, or damaged.
+    pub fn new(net: PolicyNet, nmpc: &Nmpc) -> Result<Self, ShrinkError> {
+        let (problem, dims) = (nmpc.problem(), nmpc.model().dims());
+        let inputs = dims.nx + problem.tracked.len() + dims.nu;
+        let outputs = problem.control_horizon * dims.nu;
+        match net.is_sound(inputs, outputs) {
+            true => Ok(Self::of(net, Limits::new(problem, dims))),
+            false => Err(ShrinkError::Sizes { inputs, outputs }),
+        }
+    }
+
+    pub(crate) fn of(net: PolicyNet, limits: Limits) -> Self {
+        let width = net.layers.widths[0];
         let (at, along) = (vec![0.0; width], vec![0.0; width]);
-        Self { pass: net.pass(0.0), net, inputs, outputs, limits, at, along }
+        Self { pass: net.layers.pass(0.0), net, limits, at, along }
+    }
+
+    /// Returns the numbers to be kept.
+    #[must_use]
+    pub fn net(&self) -> &PolicyNet {
+        &self.net
     }
 
     /// Returns the number of weights and biases.
     #[must_use]
     pub fn weights(&self) -> usize {
-        self.net.weights.len()
+        self.net.layers.weights.len()
     }
 
     /// Writes the net's plan, moved into its bounds, to `plan`, `[Nu, m]`.
     pub fn plan(&mut self, x: &[f64], reference: &[f64], u_before: &[f64], plan: &mut [f64]) {
+        let Self { net: PolicyNet { layers, inputs, outputs }, limits, pass, at, along } = self;
         let v = x.iter().chain(reference).chain(u_before);
-        let scale = self.inputs.middle.iter().zip(&self.inputs.half);
-        for (to, (value, (middle, half))) in self.at.iter_mut().zip(v.zip(scale)) {
+        let scale = inputs.middle.iter().zip(&inputs.half);
+        for (to, (value, (middle, half))) in at.iter_mut().zip(v.zip(scale)) {
             *to = (value - middle) / half;
         }
-        self.net.forward(&self.net.weights, [&self.at, &self.along], &mut self.pass);
-        let scale = self.outputs.middle.iter().zip(&self.outputs.half);
-        for (to, (y, (middle, half))) in plan.iter_mut().zip(self.pass.outputs().iter().zip(scale))
-        {
+        layers.forward(&layers.weights, [at, along], pass);
+        let scale = outputs.middle.iter().zip(&outputs.half);
+        for (to, (y, (middle, half))) in plan.iter_mut().zip(pass.outputs().iter().zip(scale)) {
             *to = middle + half * y;
         }
-        self.limits.project(u_before, plan);
+        limits.project(u_before, plan);
     }
 }
 

@@ -1,9 +1,9 @@
 //! Situations along closed loops and around them, and the plans made there.
 
-use crate::check::{TOLERANCE, rate, size};
+use crate::check::{TOLERANCE, size};
 use crate::judge::Trace;
 use crate::policy::{Limits, Scale};
-use crate::{Region, ShrinkError};
+use crate::{Rater, Region, See, ShrinkError, in_parts};
 use pinc_batch::{Loops, NmpcBatch};
 use pinc_mpc::{
     BoundSchedule, Bounds, MpcError, Nmpc, NmpcProblem, Reference, SqpStatus, Timetable,
@@ -32,6 +32,10 @@ const AFTER_JUMP: usize = 3;
 
 /// An input counts as bounded if it is nearer to its bound than this part of the bounds' width.
 const AT_BOUND: f64 = 1e-6;
+
+/// So many plans are made, and so many loops run, before the caller is asked whether to go on.
+const PLANS: usize = 64;
+pub(crate) const LOOPS: usize = 8;
 
 /// So many times as many loops are drawn as are needed, at most.
 const TRIES: usize = 20;
@@ -76,7 +80,7 @@ impl Drawn {
         batch: &mut NmpcBatch,
         region: &Region,
         (loops, hold): (usize, usize),
-        random: &mut ChaCha8Rng,
+        (random, see): (&mut ChaCha8Rng, &mut See<'_>),
     ) -> Result<Self, ShrinkError> {
         let mut drawn = Self { x: Vec::new(), references: Vec::new(), plans: Vec::new() };
         for _ in 0..TRIES {
@@ -86,14 +90,17 @@ impl Drawn {
                         .map(|of| point(random, of))
                 })
                 .collect();
-            let plans = batch.each(more.len(), |nmpc, k| {
+            let one = |nmpc: &mut Nmpc, k: usize| {
                 let [x, r, _] = &more[k];
                 let Some(plan) = plan(nmpc, [x, r, &region.u_before])? else { return Ok(None) };
-                let rating = rate(nmpc, [x, r, &region.u_before], &plan);
+                let at = [&x[..], r, &region.u_before];
+                let rating = Rater::new(nmpc).rate(&mut nmpc.program(), at, &plan);
                 Ok((rating.violation < TOLERANCE).then_some(plan))
-            });
-            let plans: Result<Vec<_>, MpcError> = plans.into_iter().collect();
-            for ([x, first, then], plan) in more.into_iter().zip(plans?) {
+            };
+            let plans = in_parts((more.len(), PLANS), see, |part| -> Result<Vec<_>, MpcError> {
+                batch.each(part.len(), |nmpc, k| one(nmpc, part.start + k)).into_iter().collect()
+            })?;
+            for ([x, first, then], plan) in more.into_iter().zip(plans) {
                 let Some(plan) = plan else { continue };
                 drawn.x.extend(x);
                 let rows = [first.repeat(hold), then.repeat(hold)].concat();
@@ -107,24 +114,39 @@ impl Drawn {
         }
     }
 
+    /// Reference, first state and input before of a loop.
+    pub(crate) fn at<'a>(
+        &'a self,
+        k: usize,
+        region: &'a Region,
+    ) -> (&'a Reference, &'a [f64], &'a [f64]) {
+        let n = region.states.low.len();
+        (&self.references[k], &self.x[k * n..(k + 1) * n], &region.u_before)
+    }
+
     /// The loops under the controller; `None` for one that does not reach its end.
     pub(crate) fn run(
         &self,
         batch: &mut NmpcBatch,
         plant: &Simulator,
         u_before: &[f64],
-    ) -> Result<Vec<Option<Trace>>, MpcError> {
-        let traces = batch.loops(Loops {
-            x: &self.x,
-            references: &self.references,
-            plants: std::slice::from_ref(plant),
-            u_before,
-            preview: false,
+        see: &mut See<'_>,
+    ) -> Result<Vec<Option<Trace>>, ShrinkError> {
+        let n = self.x.len() / self.references.len();
+        let traces = in_parts((self.references.len(), LOOPS), see, |part| {
+            batch.loops(Loops {
+                x: &self.x[part.start * n..part.end * n],
+                references: &self.references[part],
+                plants: std::slice::from_ref(plant),
+                u_before,
+                preview: false,
+            })
         })?;
         let whole = traces.into_iter().map(|trace| {
-            let kept = trace.statuses.len();
+            let optimized = trace.statuses.len();
             let whole = trace.error.is_none();
-            whole.then_some(Trace { states: trace.states, inputs: trace.inputs, kept })
+            let (states, inputs) = (trace.states, trace.inputs);
+            whole.then_some(Trace { states, inputs, kept: 0, optimized })
         });
         Ok(whole.collect())
     }
@@ -195,7 +217,7 @@ pub(crate) fn label(
     batch: &mut NmpcBatch,
     situations: &[Situation],
     (scale, limits): (&Scale, &Limits),
-    random: &mut ChaCha8Rng,
+    (random, see): (&mut ChaCha8Rng, &mut See<'_>),
 ) -> Result<Vec<Label>, ShrinkError> {
     let dims = batch.nmpc().model().dims();
     let [tight, own] = [BACK_OFF, 0.0].map(|part| tightened(batch.nmpc().problem(), dims, part));
@@ -208,7 +230,7 @@ pub(crate) fn label(
             drawn.into_iter().zip(&scale.half).map(|(d, half)| half * d / norm).collect()
         })
         .collect();
-    let labels = batch.each(situations.len(), |nmpc, k| {
+    let label = |nmpc: &mut Nmpc, k: usize| {
         let mut plan = |bounds| {
             nmpc.set_bounds_at(bounds, 0, false);
             one(nmpc, &situations[k], &directions[k], limits)
@@ -221,9 +243,11 @@ pub(crate) fn label(
         };
         nmpc.set_bounds_at(own, 0, false);
         label
-    });
-    let labels: Result<Vec<_>, MpcError> = labels.into_iter().collect();
-    Ok(labels?.into_iter().flatten().collect())
+    };
+    let labels = in_parts((situations.len(), PLANS), see, |part| -> Result<Vec<_>, _> {
+        batch.each(part.len(), |nmpc, k| label(nmpc, part.start + k)).into_iter().collect()
+    })?;
+    Ok(labels.into_iter().flatten().collect())
 }
 
 /// The bounds of a problem, with those on states and outputs moved inwards by a part of their size.

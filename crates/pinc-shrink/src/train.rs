@@ -3,12 +3,14 @@
 use crate::net::Net;
 use crate::policy::Scale;
 use crate::samples::Label;
+use crate::{ShrinkError, go_on};
 use pinc_ad::simd::{Isa, Simd, Task};
 use pinc_net::Workers;
 use pinc_net::optim::{
     AutoConfig, Iterate, LeastSquares, Objective, Optimizer, OptimizerConfig, Outcome,
 };
 use rayon::prelude::*;
+use std::ops::ControlFlow;
 
 /// How much a derivative counts beside a value.
 const SLOPE_WEIGHT: f64 = 0.1;
@@ -189,14 +191,18 @@ impl Training {
 
     /// Trains on plans of `m` inputs each; `see` is told the iterations done and the loss. What was
     /// learnt of the curvature is used the next time. Returns the loss.
+    ///
+    /// # Errors
+    ///
+    /// [`ShrinkError::Stopped`] if `see` breaks off.
     pub(crate) fn run(
         &mut self,
         (net, m): (&mut Net, usize),
         labels: &[Label],
         scales: [&Scale; 2],
         (iterations, workers): (usize, &Workers),
-        see: &mut dyn FnMut(usize, f64),
-    ) -> f64 {
+        see: &mut dyn FnMut(usize, f64) -> ControlFlow<()>,
+    ) -> Result<f64, ShrinkError> {
         let start = net.weights.clone();
         let mut loss = Loss::new((net, m, workers.isa()), labels, scales);
         let mut iterate = Iterate::new(&mut loss, start);
@@ -205,9 +211,9 @@ impl Training {
             if self.optimizer.step(&mut loss, &mut iterate, workers) != Outcome::Moved {
                 break;
             }
-            see(iteration + 1, iterate.value);
+            go_on(see(iteration + 1, iterate.value))?;
         }
         net.weights = iterate.x;
-        iterate.value
+        Ok(iterate.value)
     }
 }

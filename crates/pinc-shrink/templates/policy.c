@@ -241,5 +241,5 @@ int pinc_policy_step(pinc_policy *policy, const PINC_REAL x[PINC_NX],
         policy->u[i] = policy->plan[i];
         u[i] = policy->plan[i];
     }
-    return taken;
+    return taken + ((larger(violation[taken], TOLERANCE) > TOLERANCE) ? PINC_POINTS : 0);
 }

@@ -8,14 +8,21 @@ use pinc_export::{
 };
 use pinc_expr::{Equations, OutputExpression, PlantEquations};
 use pinc_mpc::{
-    Bounds, Constraints, Nmpc, NmpcProblem, Reference, SqpConfig, StageConstraints, Tracked,
-    Weights,
+    Bounds, Constraints, Nmpc, NmpcProblem, Planner, Program, Reference, SqpConfig, SqpStatus,
+    StageConstraints, Tracked, Weights,
 };
 use pinc_ode::{Dims, Integrator, Simulator, Variable};
 use pinc_plants::VanDerPol;
-use pinc_shrink::{Checked, Region, ShrinkConfig, ShrinkError, Shrunk, policy_to_c, rate, shrink};
+use pinc_shrink::{
+    Checked, Policy, Rater, Region, ShrinkConfig, ShrinkError, Shrunk, policy_to_c, shrink,
+};
+use std::fmt::Write as _;
+use std::io::Write as _;
+use std::ops::ControlFlow;
 use std::path::Path;
-use std::process::Command;
+use std::process::{Command, Stdio};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicUsize, Ordering};
 use std::{env, fs};
 
 /// The paper's problem for the oscillator.
@@ -89,7 +96,7 @@ fn shrunk_of(
     let make = || Ok::<_, ShrinkError>(controller_of(equations, problem.clone()));
     let mut batch = NmpcBatch::new(threads, make).unwrap();
     let plant = Simulator::new(&*equations.to_dyn().unwrap(), 1e-9);
-    shrink(&mut batch, &plant, &region(), config, &mut |_| {}).unwrap()
+    shrink(&mut batch, &plant, &region(), config, &mut |_| ControlFlow::Continue(())).unwrap()
 }
 
 /// A small training; `PINC_SAMPLES` sets how many plans it has.
@@ -110,16 +117,18 @@ fn small() -> ShrinkConfig {
 #[test]
 fn the_cost_of_a_plan_is_the_controllers() {
     let mut nmpc = controller(problem());
+    let mut rater = Rater::new(&mut nmpc);
     for (x, r, u) in [([0.3, 0.1], 0.0, 0.0), ([-0.4, 0.3], 0.6, -0.3), ([0.8, -0.2], -0.5, 0.2)] {
         nmpc.reset_input(&[u]).unwrap();
         let reference = [r, 0.0].repeat(5);
         let cost = nmpc.step(&x, &reference).unwrap().cost;
         let plan = nmpc.plan().inputs().to_vec();
-        let found = rate(&mut nmpc, [&x, &[r, 0.0], &[u]], &plan);
+        let mut rate = |plan| rater.rate(&mut nmpc.program(), [&x, &[r, 0.0], &[u]], plan);
+        let found = rate(&plan);
         assert!((found.cost - cost).abs() < 1e-6 * cost, "{} is not {cost}", found.cost);
         assert!(found.violation < 1e-6, "{}", found.violation);
         let other: Vec<f64> = plan.iter().map(|u| 0.9 * u + 0.01).collect();
-        assert!(rate(&mut nmpc, [&x, &[r, 0.0], &[u]], &other).cost > cost);
+        assert!(rate(&other).cost > cost);
     }
 }
 
@@ -133,7 +142,7 @@ fn a_net_follows_as_its_controller() {
     let ratio = judged.checked.iae / judged.nmpc.iae;
     assert!((0.97..1.03).contains(&ratio), "{judged:?}, loss {}", found.loss);
     assert!((0.9..1.1).contains(&(judged.net.iae / judged.nmpc.iae)), "{judged:?}");
-    assert_eq!(judged.checked.newly_broken, 0, "{judged:?}");
+    assert_eq!([judged.checked.newly_broken, judged.backed.newly_broken], [0, 0], "{judged:?}");
     assert!(judged.checked.kept > 0.3, "{judged:?}");
     assert!((1000..=small().samples).contains(&found.labels), "{}", found.labels);
     let config = ShrinkConfig { iterations: 5, loops: 4, threads: 2, ..small() };
@@ -161,28 +170,48 @@ fn constraints_are_refused() {
     };
     let mut batch = NmpcBatch::new(1, make).unwrap();
     let plant = Simulator::new(&VanDerPol::default(), 1e-9);
-    let refused = shrink(&mut batch, &plant, &region(), &small(), &mut |_| {}).unwrap_err();
+    let refused =
+        shrink(&mut batch, &plant, &region(), &small(), &mut |_| ControlFlow::Continue(()))
+            .unwrap_err();
     assert!(refused.to_string().contains("constraints h and g"), "{refused}");
 }
 
-/// A loop in C on the model: per step the input and whether the net's plan was kept.
+/// Decisions in C for states and references on the input, each of which may begin anew with an input
+/// and a plan: which plan was taken, and the plan in use.
 const MAIN_C: &str = "\
 #include \"vdp_policy.h\"
 #include <stdio.h>
+static double number(void)
+{
+    double value = 0.0;
+    if (scanf(\"%lf\", &value) != 1) {
+        value = 0.0;
+    }
+    return value;
+}
 int main(void)
 {
     vdp_policy policy;
-    double x[2] = {0.6, -0.2}, u[1] = {0.0}, next[2], r[2] = {0.0, 0.0};
-    int k;
-    vdp_policy_reset(&policy, u);
-    for (k = 0; k < 60; k++) {
-        int kept;
-        r[0] = (k < 30) ? 0.4 : -0.3;
-        kept = vdp_policy_step(&policy, x, r, u);
-        printf(\"%.17g %d\\n\", u[0], kept);
-        vdp_rk4_step(x, u, next);
-        x[0] = next[0];
-        x[1] = next[1];
+    double x[2], r[2] = {0.0, 0.0}, u[1], plan[5];
+    int begins, i;
+    while (scanf(\"%d\", &begins) == 1) {
+        if (begins) {
+            u[0] = number();
+            for (i = 0; i < 5; i++) {
+                plan[i] = number();
+            }
+            vdp_policy_reset(&policy, u);
+            vdp_policy_begin(&policy, plan);
+        }
+        x[0] = number();
+        x[1] = number();
+        r[0] = number();
+        printf(\"%d\", vdp_policy_step(&policy, x, r, u));
+        printf(\" %.17g\", u[0]);
+        for (i = 0; i < 5; i++) {
+            printf(\" %.17g\", policy.plan[i]);
+        }
+        printf(\"\\n\");
     }
     return 0;
 }
@@ -231,17 +260,36 @@ fn files(equations: &PlantEquations, shrunk: &Shrunk, nmpc: &mut Nmpc) -> Vec<Ge
     files
 }
 
-/// The exported policy chooses the same inputs as the library, in double precision.
+/// A check that says which plan it took.
+#[derive(Debug)]
+struct Noting(Checked, Arc<AtomicUsize>);
+
+impl Planner for Noting {
+    fn plan(
+        &mut self,
+        program: &mut Program<'_>,
+        [x, reference, u_before]: [&[f64]; 3],
+        inputs: &mut [f64],
+    ) -> (SqpStatus, f64) {
+        let mut other = inputs.to_vec();
+        let (taken, rating) = self.0.decide(program, [x, &reference[..2], u_before], &mut other);
+        let more = if rating.violation > 1e-6 { 4 } else { 0 };
+        self.1.store(taken + more, Ordering::Relaxed);
+        self.0.plan(program, [x, reference, u_before], inputs)
+    }
+}
+
+/// The exported policy takes the same plans as the library, in double precision.
 #[test]
 fn exported_c_decides_as_the_library() {
     let of_states = decides_as_the_library(&VanDerPol::default().equations(), &problem(), "policy");
     let of_outputs = decides_as_the_library(&pendulum(), &pendulum_problem(), "policy-outputs");
     let taken = of_states + &of_outputs;
-    // The shifted plan or its variant, the one halfway, and the net's were taken at some time.
-    assert!(taken.contains(['0', '1']) && taken.contains('2') && taken.contains('3'), "{taken}");
+    assert!(['0', '1', '2', '3'].iter().all(|plan| taken.contains(*plan)), "{taken}");
 }
 
-/// Runs a loop by C and by the library; which plans were taken.
+/// Takes decisions by C and by the library: along a loop, and from plans of the controller, as they
+/// are and with another last input, of which the net's may be better. Returns which plans were taken.
 fn decides_as_the_library(equations: &PlantEquations, problem: &NmpcProblem, dir: &str) -> String {
     let config = ShrinkConfig { iterations: 3, samples: 300, loops: 1, ..small() };
     let found = shrunk_of(equations, problem, &config, 1);
@@ -252,8 +300,42 @@ fn decides_as_the_library(equations: &PlantEquations, problem: &NmpcProblem, dir
         fs::write(dir.join(&file.path), &file.bytes).unwrap();
     }
     fs::write(dir.join("main.c"), MAIN_C).unwrap();
+    let noted = Arc::new(AtomicUsize::new(0));
+    // The numbers that a file would keep make the same policy.
+    let policy = Policy::new(found.policy.net().clone(), &nmpc).unwrap();
+    let checked = Checked::new(policy, &mut nmpc).unwrap().alone();
+    nmpc.set_planner(Some(Box::new(Noting(checked, noted.clone()))));
+    let mut other = controller_of(equations, problem.clone());
+    let (mut asked, mut expected, mut x) = (String::new(), Vec::new(), vec![0.6, -0.2]);
+    for k in 0..100_u32 {
+        let r = if k < 30 { 0.4 } else { -0.3 };
+        let mut first = (k == 0).then(|| vec![0.0; 5]);
+        if k >= 60 {
+            x = vec![0.6 * f64::from(k).sin(), 0.3 * f64::from(k).cos()];
+            other.reset_input(&[0.1]).unwrap();
+            other.step(&x, &[r, 0.0].repeat(5)).unwrap();
+            let mut plan = other.plan().inputs().to_vec();
+            plan[4] -= if k % 2 == 0 { 0.4 } else { 0.0 };
+            first = Some(plan);
+        }
+        asked += if first.is_some() { "1 0.1" } else { "0" };
+        if let Some(plan) = &first {
+            nmpc.reset_input(&[0.1]).unwrap();
+            nmpc.set_first_plan(plan).unwrap();
+            plan.iter().for_each(|u| write!(asked, " {u}").unwrap());
+        }
+        writeln!(asked, " {} {} {r}", x[0], x[1]).unwrap();
+        let step = nmpc.step(&x, &[r, 0.0].repeat(5)).unwrap();
+        let (u, status, taken) = (step.u.to_vec(), step.status, noted.load(Ordering::Relaxed));
+        let good = if taken % 4 == 3 { SqpStatus::Kept } else { SqpStatus::Replaced };
+        assert_eq!(status, good, "plan {taken}");
+        expected.push((taken, [&u[..], nmpc.plan().inputs()].concat()));
+        let mut next = [0.0; 2];
+        nmpc.program().step(0, &x, &u, &mut next);
+        x.copy_from_slice(&next);
+    }
     // One plan in each lane, and one lane.
-    let run = |more: &[&str]| {
+    for more in [&[][..], &["-DVDP_VECTOR_BYTES=0"]] {
         let built = Command::new("cc")
             .args(["-std=c99", "-O1", "-Wall", "-Wextra", "-Werror", "-Wconversion", "-o", "run"])
             .args(more)
@@ -262,28 +344,20 @@ fn decides_as_the_library(equations: &PlantEquations, problem: &NmpcProblem, dir
             .output()
             .unwrap();
         assert!(built.status.success(), "{}", String::from_utf8_lossy(&built.stderr));
-        let run = Command::new(dir.join("run")).output().unwrap();
-        String::from_utf8(run.stdout).unwrap()
-    };
-    let printed = [run(&[]), run(&["-DVDP_VECTOR_BYTES=0"])];
-    let mut checked = Checked::new(found.policy, &[0.0]);
-    let (mut x, mut u) = (vec![0.6, -0.2], vec![0.0]);
-    let mut kept = String::new();
-    for (k, (line, other)) in printed[0].lines().zip(printed[1].lines()).enumerate() {
-        let r = if k < 30 { 0.4 } else { -0.3 };
-        let taken = checked.decide(&mut nmpc, &x, &[r, 0.0], &u);
-        u.copy_from_slice(&checked.plan()[..1]);
-        for line in [line, other] {
-            let (value, flag) = line.split_once(' ').unwrap();
-            let value: f64 = value.parse().unwrap();
-            assert!((value - u[0]).abs() < 1e-9, "step {k}: {value} is not {}", u[0]);
+        let run =
+            Command::new(dir.join("run")).stdin(Stdio::piped()).stdout(Stdio::piped()).spawn();
+        let mut run = run.unwrap();
+        run.stdin.take().unwrap().write_all(asked.as_bytes()).unwrap();
+        let printed = String::from_utf8(run.wait_with_output().unwrap().stdout).unwrap();
+        assert_eq!(printed.lines().count(), expected.len());
+        for (k, (line, (taken, plan))) in printed.lines().zip(&expected).enumerate() {
+            let (flag, numbers) = line.split_once(' ').unwrap();
             assert_eq!(flag, taken.to_string(), "step {k}");
+            for (found, u) in numbers.split(' ').zip(plan) {
+                let found: f64 = found.parse().unwrap();
+                assert!((found - u).abs() < 1e-9, "step {k}, plan {taken}: {found} is not {u}");
+            }
         }
-        kept += &taken.to_string();
-        let mut next = [0.0; 2];
-        nmpc.program().step(0, &x, &u, &mut next);
-        x.copy_from_slice(&next);
     }
-    assert_eq!(printed.map(|text| text.lines().count()), [60, 60]);
-    kept
+    expected.iter().map(|(taken, _)| taken.to_string()).collect()
 }

@@ -116,6 +116,16 @@ fn models(spec: &ControlSpec) -> Checked {
         let expected = &format!("one or more of {known}, each once");
         return value("control.models", format!("{names:?}"), expected);
     }
+    if spec.models.contains(&ModelKind::Policy) {
+        if spec.policy.is_none() {
+            let expected = "a file: the model \"policy\" reads it";
+            return value("control.policy", "nothing", expected);
+        }
+        if spec.models.len() == 1 {
+            let expected = "another model too, which checks the plans";
+            return value("control.models", "[\"policy\"]", expected);
+        }
+    }
     Ok(())
 }
 

@@ -43,7 +43,7 @@ impl Nmpc {
 
     /// Rolls the inputs of the plan out from where it starts. Where the model has no value along
     /// them, the states stay as they are.
-    fn roll_out(&mut self) {
+    pub(super) fn roll_out(&mut self) {
         let dims = self.dims;
         self.sqp.project(&mut self.plan, &self.previous);
         for j in 0..dims.horizon {

@@ -15,7 +15,7 @@ use crate::report::{Planned, StepReport};
 use crate::scenarios::AtNodes;
 use crate::solution::Solution;
 use crate::sqp::{Outcome, PlanState, Sqp, StepInput};
-use crate::{MpcError, NmpcProblem, PlanSearch, SqpConfig, SqpStatus};
+use crate::{MpcError, NmpcProblem, PlanSearch, Planner, SqpConfig, SqpStatus};
 use pinc_ode::Model;
 use pinc_qp::{OcpDims, all_finite};
 
@@ -96,6 +96,7 @@ pub struct Nmpc {
     /// The reference at the nodes of a tree.
     at_nodes: Option<AtNodes>,
     pub(crate) search: Option<Box<dyn PlanSearch>>,
+    planner: Option<Box<dyn Planner>>,
     /// The best plan so far, where several may be found.
     best: Option<Solution>,
 }
@@ -145,6 +146,7 @@ impl Nmpc {
             next: vec![0.0; dims.nx],
             guard: None,
             search: None,
+            planner: None,
         }
     }
 
@@ -416,10 +418,12 @@ impl Nmpc {
         if self.sqp.transcription.tighten(&mut self.horizon, at, is_known) {
             self.sqp.project(&mut self.plan, &self.previous);
         }
-        if self.config.real_time {
+        let planned = self.plan_otherwise(reference);
+        let planned = planned.filter(|of| of.status != SqpStatus::InfeasibleQp);
+        if self.config.real_time && planned.is_none() {
             self.prepare_linearization();
         }
-        let mut outcome = self.optimize(reference, expired);
+        let mut outcome = planned.unwrap_or_else(|| self.optimize(reference, expired));
         let unknown = self.plan_state != PlanState::Evaluated;
         if outcome.status == SqpStatus::NumericalTrouble && unknown {
             self.plan.stay_at(&self.start);
@@ -427,7 +431,7 @@ impl Nmpc {
             outcome = self.optimize(reference, expired);
         }
         let mut start = None;
-        if self.best.is_some() {
+        if self.best.is_some() && planned.is_none() {
             (outcome, start) = self.improve(reference, (outcome, is_cold), expired);
         }
         if self.search.is_some() {
@@ -472,7 +476,8 @@ impl Nmpc {
     /// the plan on and linearizes along it. If it is not called, the step does it; without
     /// [`SqpConfig::real_time`], or without a plan to start from, nothing is done.
     pub fn prepare(&mut self) {
-        if self.config.real_time && self.is_warm() && self.phase != Phase::Linearized {
+        let linearizes = self.config.real_time && self.planner.is_none();
+        if linearizes && self.is_warm() && self.phase != Phase::Linearized {
             if self.phase == Phase::Solved {
                 // Where the plan leads, as long as nothing is measured.
                 self.start.copy_from_slice(&self.plan.states()[..self.dims.nx]);
@@ -550,8 +555,8 @@ impl Nmpc {
                 plan_state = PlanState::Evaluated;
             }
         }
-        let solved =
-            matches!(status, SqpStatus::Converged | SqpStatus::Rounded | SqpStatus::Prepared);
+        use SqpStatus::{Converged, Kept, Prepared, Replaced, Rounded};
+        let solved = matches!(status, Converged | Rounded | Prepared | Kept | Replaced);
         let started_good = self.guess == Guess::Warm { fallback: true };
         let good = finite
             && match plan_state {

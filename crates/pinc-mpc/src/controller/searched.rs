@@ -1,16 +1,17 @@
 //! Steps whose plan is searched for beyond the optimization.
 
 use super::Nmpc;
-use crate::SqpStatus;
 use crate::cost::Targets;
 use crate::search::{Expired, Programs};
 use crate::sqp::{Outcome, StepInput};
+use crate::{Planner, SqpStatus};
+use std::mem::{replace, take};
 
 impl Nmpc {
-    /// Whether its plans are searched for, as those with whole inputs.
+    /// Whether its plans are not those of the optimization alone.
     #[must_use]
     pub fn is_searched(&self) -> bool {
-        self.search.is_some()
+        self.search.is_some() || self.planner.is_some()
     }
 
     /// Searches beyond the plan found, unless there is none.
@@ -34,6 +35,23 @@ impl Nmpc {
         };
         let status = search.search(&mut programs);
         Outcome { status, ..programs.outcome }
+    }
+
+    /// Lets `planner` make the plans, or the optimization again. Returns the planner before.
+    pub fn set_planner(&mut self, planner: Option<Box<dyn Planner>>) -> Option<Box<dyn Planner>> {
+        replace(&mut self.planner, planner)
+    }
+
+    /// The planner's plan with the states that follow from it, if there is a planner.
+    pub(super) fn plan_otherwise(&mut self, reference: &[f64]) -> Option<Outcome> {
+        let mut planner = self.planner.take()?;
+        let [x, before, mut z] = [&mut self.start, &mut self.previous, &mut self.plan.z].map(take);
+        let inputs = &mut z[self.dims.all_states()..];
+        let (status, cost) = planner.plan(&mut self.program(), [&x, reference, &before], inputs);
+        (self.start, self.previous, self.plan.z) = (x, before, z);
+        self.planner = Some(planner);
+        self.roll_out();
+        Some(Outcome::of_plan(status, cost))
     }
 
     /// Moves the input to apply to one that may be applied.

@@ -25,14 +25,19 @@ pub(crate) struct Outcome {
 impl Outcome {
     /// The time was up before the first linearization was complete.
     pub(super) fn expired_at_once() -> Self {
+        Self { last: KktResidual::unknown(), ..Self::of_plan(SqpStatus::Deadline, f64::NAN) }
+    }
+
+    /// A plan that is true to the model and was not optimized.
+    pub(crate) fn of_plan(status: SqpStatus, cost: f64) -> Self {
         Self {
-            status: SqpStatus::Deadline,
+            status,
             iterations: 0,
-            last: KktResidual::unknown(),
+            last: KktResidual { dynamics: 0.0, ..KktResidual::unknown() },
             violated: None,
             plan_state: PlanState::Evaluated,
             curvature_dropped: false,
-            cost: f64::NAN,
+            cost,
         }
     }
 }

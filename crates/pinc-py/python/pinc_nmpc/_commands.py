@@ -153,7 +153,7 @@ def shrink(
     verbose: bool = False,
 ) -> Shrunk:
     """Trains a net in place of a config's controller, judges its closed loops beside the controller's,
-    and writes it as C with a check of its plans, as ``pinc shrink`` does.
+    and writes it as C with a check of its plans, and as ``policy.json``, as ``pinc shrink`` does.
 
     The net has two layers of ``neurons``, is trained on ``samples`` plans for at most ``iterations``,
     and judged by ``loops`` it was not trained on; each is the command's default if left out. Results

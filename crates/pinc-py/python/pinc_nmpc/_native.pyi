@@ -185,8 +185,8 @@ class Nmpc:
     somewhere else.
 
     The model is the net ``model``, a ``Model`` or the path of a model file, or the one that
-    ``only`` names (``"pinc"``, ``"rk4"``, ``"rk5"``, ``"rosenbrock"``, ``"black-box"``), or else the
-    config's first. A net is used by ``"pinc"`` only: a ``model`` with another ``only`` is refused.
+    ``only`` names (``"pinc"``, ``"rk4"``, ``"rk5"``, ``"rosenbrock"``, ``"black-box"``, or ``"policy"``,
+    a net in place of the controller), or else the config's first. A net is used by ``"pinc"`` only: a ``model`` with another ``only`` is refused.
 
     A controller can be pickled and copied with its ``state()``; steps release the interpreter's lock.
     """

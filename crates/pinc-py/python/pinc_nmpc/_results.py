@@ -281,7 +281,8 @@ class Shrunk:
 
     @property
     def table(self) -> Table:
-        """The judgement: a row each for the controller, the net, and the net with the check."""
+        """The judgement: a row each for the controller, the net, the net with the check, and this with the
+        controller where no plan stays within the bounds."""
         return _tables.read(self.directory / "shrink.csv")
 
     @property

@@ -241,7 +241,8 @@ impl ControlMetrics {
 /// Whether a control step with this status, in the words of [`SqpStatus`], has failed.
 #[must_use]
 pub fn is_failure(status: &str) -> bool {
-    let fine = [SqpStatus::Converged, SqpStatus::Rounded, SqpStatus::Prepared, SqpStatus::Deadline];
+    use SqpStatus::{Converged, Deadline, Kept, Prepared, Replaced, Rounded};
+    let fine = [Converged, Rounded, Prepared, Kept, Replaced, Deadline];
     fine.iter().all(|fine| fine.to_string() != status)
 }
 

@@ -35,10 +35,11 @@ pub struct StepRow {
 }
 
 impl StepRow {
-    /// Whether the optimization converged.
+    /// Whether the optimization converged, or a net's plan was checked in its place.
     #[must_use]
     pub fn converged(&self) -> bool {
-        self.status == SqpStatus::Converged.to_string()
+        use SqpStatus::{Converged, Kept, Replaced};
+        [Converged, Kept, Replaced].iter().any(|status| self.status == status.to_string())
     }
 
     /// Whether the step failed: it neither converged, nor is it one of a real-time iteration, which

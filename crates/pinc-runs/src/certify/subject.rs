@@ -49,7 +49,7 @@ impl Subject {
             (ModelKind::Pinc, None) => return Err(RunError::no_model_file(name, "certify")),
             (ModelKind::Pinc, Some(path)) => Some(read_matching_model(experiment, path)?),
             (ModelKind::Integrator(method), _) if method.tableau().is_some() => None,
-            (ModelKind::Integrator(_) | ModelKind::BlackBox, _) => {
+            (ModelKind::Integrator(_) | ModelKind::BlackBox | ModelKind::Policy, _) => {
                 let problem = format!(
                     "certify: the model `{}` is not enclosed; expected `pinc`, `rk4` or `rk5`",
                     kind.name()

@@ -4,7 +4,7 @@
 //! whose tables this test writes.
 
 use crate::closed::Closed;
-use crate::common::{Outcome, repository};
+use crate::common::{Outcome, outcome, pinc, repository};
 use crate::ways::{Exported, Served, assert_same};
 use pinc_config::{Experiment, ModelKind, ParameterStep, Plants};
 use std::collections::BTreeSet;
@@ -204,6 +204,11 @@ repetitions = 1
 max_failed_share = 1.0
 "#;
 
+/// The net in place of the controller of this loop.
+const POLICY_DIR: &str = concat!(env!("CARGO_TARGET_TMPDIR"), "/keys-policy");
+const POLICY: &str =
+    concat!("control.policy=\"", env!("CARGO_TARGET_TMPDIR"), "/keys-policy/policy.json\"");
+
 /// What a key is about.
 #[derive(Clone, Copy, PartialEq)]
 enum About {
@@ -254,6 +259,7 @@ fn keys() -> Vec<(&'static str, Vec<&'static str>, About)> {
                 drift_sd = 0.01 }]";
     vec![
         ("models", vec!["control.models=[\"rk5\"]"], Controller),
+        ("policy", vec!["control.models=[\"rk4\", \"policy\"]", POLICY], Controller),
         ("plant", vec!["control.plant.van-der-pol={ mu = 0.6 }"], Unseen),
         ("measurement.measured", with(&[]), Controller),
         ("measurement.noise_sd", with(&["control.measurement.noise_sd=[0.05]"]), Loop),
@@ -497,9 +503,13 @@ fn rows_of_keys() -> Vec<[String; 4]> {
     let dir = tempfile::tempdir().unwrap();
     let config = dir.path().join("keys.toml");
     fs::write(&config, BASE).unwrap();
+    let sizes = ["--samples", "300", "--iterations", "30", "--neurons", "6", "--loops", "2"];
+    let mut shrink = pinc(&["shrink", "--only", "rk4", "--out"]);
+    let shrunk = outcome(shrink.arg(POLICY_DIR).args(sizes).arg(&config));
+    assert_eq!(shrunk.code, Some(0), "{shrunk:?}");
     let kind_of = |sets: &[&str]| {
         let named =
-            |kind: &ModelKind| sets.iter().any(|set| set.contains(&format!("[\"{kind}\"]")));
+            |kind: &ModelKind| sets.iter().any(|set| set.ends_with(&format!("\"{kind}\"]")));
         ModelKind::ALL.into_iter().find(named).unwrap_or(ModelKind::RK4)
     };
     let inputs = |sets: &[&str]| {
