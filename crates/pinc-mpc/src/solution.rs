@@ -90,19 +90,20 @@ impl Solution {
         self.multipliers.clear();
     }
 
-    /// Moves the plan on by one step: stage j takes the place of stage j-1, the last one stays.
-    pub(crate) fn shift(&mut self) {
+    /// Moves the plan on by one step: stage j takes the place of stage j-1, the last one stays, or is
+    /// the first one if the plan `is_orbit`.
+    pub(crate) fn shift(&mut self, is_orbit: bool) {
+        if is_orbit && self.dims.n_controls == self.dims.horizon {
+            return self.rotate();
+        }
         self.dims.shift_unknowns(&mut self.z);
         self.multipliers.shift(self.dims);
     }
 
-    /// Moves an orbit on by one step: the first stage becomes the last one, if all inputs are free. The
-    /// multiplier that closes the orbit is that of the dynamics there, as no cost is at the end alone.
-    pub(crate) fn rotate(&mut self) {
-        let OcpDims { nx, nu, horizon, n_controls, .. } = self.dims;
-        if n_controls != horizon {
-            return self.shift();
-        }
+    /// Makes the first stage the last one. The multiplier that closes the orbit is that of the dynamics
+    /// there, as no cost is at the end alone.
+    fn rotate(&mut self) {
+        let OcpDims { nx, nu, .. } = self.dims;
         let rows = self.dims.rows();
         let Multipliers { dynamics, bounds, increments, rows: by_row } = &mut self.multipliers;
         let first = bounds.len() - increments.len();
@@ -277,7 +278,7 @@ mod tests {
         solution.multipliers.dynamics = vec![1.0, 2.0, 3.0, 4.0, 5.0, 6.0];
         solution.multipliers.rows = vec![1.0, 2.0];
         solution.multipliers.bounds = vec![1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0];
-        solution.shift();
+        solution.shift(false);
         assert_eq!(solution.states(), [3.0, 4.0, 5.0, 6.0, 5.0, 6.0]);
         assert_eq!(solution.inputs(), [7.0]);
         assert_eq!(solution.dynamics_multipliers(), [3.0, 4.0, 5.0, 6.0, 5.0, 6.0]);

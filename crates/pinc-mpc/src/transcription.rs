@@ -94,8 +94,7 @@ impl Transcription {
         transcription
     }
 
-    /// Writes the numbers that stay: Hessian and penalties, and limits that are finite where they
-    /// are.
+    /// Writes the numbers that stay: Hessian, penalties, and limits that are finite where they are.
     fn set_constants(&mut self, problem: &NmpcProblem, feedthrough: &[bool], nodes: &Nodes) {
         let (dims, qp) = (self.dims, &mut self.plain);
         qp.w = self.cost.input_hessian();
@@ -427,8 +426,7 @@ impl Transcription {
         before != self.units.plain_cost(1.0).to_bits()
     }
 
-    /// Forgets where the model was linearized, and what units that called for; whether these
-    /// change.
+    /// Forgets where the model was linearized, and the units chosen there; whether these change.
     pub(crate) fn forget(&mut self) -> bool {
         self.cache.forget();
         self.units.forget_slope();

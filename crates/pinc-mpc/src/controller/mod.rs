@@ -502,13 +502,10 @@ impl Nmpc {
         self.phase = Phase::Shifted;
         let tentative = matches!(self.guess, Guess::Tentative { .. });
         if self.horizon.is_uniform() {
-            if self.problem.periodic.len() == self.dims.nx {
-                self.plan.rotate();
-            } else {
-                self.plan.shift();
-            }
+            let is_orbit = self.problem.periodic.len() == self.dims.nx;
+            self.plan.shift(is_orbit);
             if tentative {
-                self.fallback.shift();
+                self.fallback.shift(is_orbit);
             }
         } else {
             self.fallback.copy_from(&self.plan);

@@ -342,13 +342,9 @@ impl Sqp {
                 self.step_length.reset();
             }
             if self.hessian.current() == Hessian::Exact {
-                match self.curve(
-                    model,
-                    input,
-                    plan,
-                    Purpose::Step { settled: self.settled, damping: self.hessian.damping() },
-                    expired,
-                ) {
+                let damping = self.hessian.damping();
+                let purpose = Purpose::Step { settled: self.settled, damping };
+                match self.curve(model, input, plan, purpose, expired) {
                     Some(dropped) => {
                         self.dropped = dropped;
                         curvature_dropped = dropped && always;
