@@ -286,4 +286,35 @@ mod tests {
         assert_eq!(solution.state_multipliers(), [3.0, 4.0, 5.0, 6.0, 5.0, 6.0]);
         assert_eq!(solution.input_multipliers(), [7.0]);
     }
+
+    #[test]
+    fn an_orbit_is_turned() {
+        let dims = OcpDims {
+            nx: 2,
+            nu: 1,
+            horizon: 3,
+            n_controls: 3,
+            n1: 1,
+            inequalities: 1,
+            equalities: 0,
+            outputs: 0,
+            feedthrough: 0,
+            tree: pinc_qp::Tree::CHAIN,
+        };
+        let mut solution = Solution::new(dims);
+        solution.z = vec![1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 9.0];
+        solution.multipliers.dynamics = vec![10.0, 20.0, 30.0, 40.0, 50.0, 60.0];
+        solution.multipliers.rows = vec![1.0, 2.0, 3.0];
+        solution.multipliers.increments = vec![4.0, 5.0, 6.0];
+        solution.multipliers.bounds = solution.z.clone();
+        solution.shift(true);
+        assert_eq!(solution.states(), [3.0, 4.0, 5.0, 6.0, 1.0, 2.0]);
+        assert_eq!(solution.inputs(), [8.0, 9.0, 7.0]);
+        assert_eq!(solution.dynamics_multipliers(), [30.0, 40.0, 50.0, 60.0, 10.0, 20.0]);
+        assert_eq!(solution.constraint_multipliers(), [2.0, 3.0, 1.0]);
+        assert_eq!(solution.multipliers.increments, [5.0, 6.0, 4.0]);
+        // The end of the plan before is inside now; what closes the orbit is lambda there.
+        assert_eq!(solution.state_multipliers(), [3.0, 4.0, 0.0, 0.0, 10.0, 20.0]);
+        assert_eq!(solution.input_multipliers(), [8.0, 9.0, 7.0]);
+    }
 }
