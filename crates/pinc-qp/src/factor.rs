@@ -1,6 +1,7 @@
 //! The factors of small dense matrices.
 
 use super::algebra::{add_scaled, dot};
+use pinc_ad::simd::Simd;
 
 /// L of H = L L', below and on the diagonal; its transpose is mirrored above, so that columns and
 /// rows of L are both contiguous.
@@ -42,7 +43,7 @@ impl Cholesky {
     /// Factors H without a time limit, unrolled where the caller's n is a constant.
     #[inline(always)]
     pub(crate) fn factor_sized(&mut self, h: &[f64], n: usize) -> bool {
-        self.square.copy_from_slice(h);
+        self.square[..n * n].copy_from_slice(&h[..n * n]);
         self.factor_columns(h, n, |_| false) == Some(true)
     }
 
@@ -89,6 +90,38 @@ impl Cholesky {
             v[c] = value;
             let below = &self.square[c * n + c + 1..(c + 1) * n];
             add_scaled(&mut v[c + 1..], -value, below);
+        }
+    }
+
+    /// V <- L^-1 V for rows in vectors, `[n, stride]`, unrolled where the caller's n is a constant.
+    #[inline(always)]
+    pub(crate) fn forward_rows<V: Simd>(&self, zero: V, v: &mut [f64], [n, stride]: [usize; 2]) {
+        for at in (0..stride).step_by(V::LANES) {
+            for r in 0..n {
+                let mut row = zero.load(&v[r * stride + at..]);
+                for c in 0..r {
+                    let factor = zero.constant(self.square[c * n + r]);
+                    row = factor.neg_mul_add(zero.load(&v[c * stride + at..]), row);
+                }
+                let row = row * zero.constant(self.inverse_diagonal[r]);
+                row.write(&mut v[r * stride + at..]);
+            }
+        }
+    }
+
+    /// V <- L'^-1 V for rows in vectors, likewise.
+    #[inline(always)]
+    pub(crate) fn backward_rows<V: Simd>(&self, zero: V, v: &mut [f64], [n, stride]: [usize; 2]) {
+        for at in (0..stride).step_by(V::LANES) {
+            for r in (0..n).rev() {
+                let mut row = zero.load(&v[r * stride + at..]);
+                for c in r + 1..n {
+                    let factor = zero.constant(self.square[r * n + c]);
+                    row = factor.neg_mul_add(zero.load(&v[c * stride + at..]), row);
+                }
+                let row = row * zero.constant(self.inverse_diagonal[r]);
+                row.write(&mut v[r * stride + at..]);
+            }
         }
     }
 

@@ -132,17 +132,21 @@ impl OcpDims {
     #[must_use]
     #[inline]
     pub fn acting(self, j: usize) -> usize {
-        if self.tree.is_chain() { j.min(self.n_controls - 1) } else { self.acting_on_paths(j) }
+        if j < self.n_controls { j } else { self.held(j) }
     }
 
-    /// [`OcpDims::acting`] on a tree that branches. Out of line, so that loops over a chain stay
-    /// short.
+    /// [`OcpDims::acting`] beyond the control horizon.
+    #[inline]
+    fn held(self, j: usize) -> usize {
+        if self.tree.is_chain() { self.n_controls - 1 } else { self.held_on_path(j) }
+    }
+
+    /// Out of line, so that loops stay short.
     #[cold]
     #[inline(never)]
-    fn acting_on_paths(self, j: usize) -> usize {
+    fn held_on_path(self, j: usize) -> usize {
         let scenarios = self.tree.scenarios();
-        let beyond = j.checked_sub(self.n_controls);
-        beyond.map_or(j, |beyond| self.n_controls - scenarios + beyond % scenarios)
+        self.n_controls - scenarios + (j - self.n_controls) % scenarios
     }
 
     /// The index of the input of stage `j`.

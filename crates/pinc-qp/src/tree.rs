@@ -53,15 +53,14 @@ impl Tree {
     #[must_use]
     #[inline]
     pub fn origin(self, j: usize) -> usize {
-        if self.is_chain() { j } else { self.origin_on_paths(j) }
+        if self.is_branching(j) { self.origin_at_branching(j) } else { j + 1 - self.scenarios }
     }
 
-    /// [`Tree::origin`] on a tree that branches, out of line like
-    /// [`OcpDims::acting`](crate::OcpDims::acting).
+    /// Out of line, so that loops stay short.
     #[cold]
     #[inline(never)]
-    fn origin_on_paths(self, j: usize) -> usize {
-        if self.is_branching(j) { j / self.branches } else { j + 1 - self.scenarios }
+    fn origin_at_branching(self, j: usize) -> usize {
+        j / self.branches
     }
 
     /// The children of a node in a tree without end.

@@ -1,6 +1,6 @@
 //! The Riccati recursion.
 
-use crate::algebra::{add_product, add_scaled, add_transposed, block, block_mut};
+use crate::algebra::{add_product, add_scaled, add_transposed, block, block_mut, dot};
 use crate::factor::Cholesky;
 use crate::product::{Factor, To, multiply, padded};
 use crate::{OcpDims, Qp, RowBlock};
@@ -35,10 +35,10 @@ use std::ops::Range;
 pub(super) struct Riccati {
     dims: OcpDims,
     isa: Isa,
-    /// P of `s_0` .. `s_N`, `[N + 1, n + m, n + m]`; of a node that has not been reached, the M of
-    /// its children so far.
+    /// P of `s_0` .. `s_N` in padded rows, `[N + 1, n + m, stride]`; of a node that has not been
+    /// reached, the M of its children so far.
     p: Vec<f64>,
-    /// K, `[Nu, n + m, m]`, column by column.
+    /// K in padded rows, `[Nu, m, stride]`.
     gain: Vec<f64>,
     /// G
     pivot: Vec<Cholesky>,
@@ -46,12 +46,12 @@ pub(super) struct Riccati {
     linear: Vec<f64>,
     /// `-G^-1 m_u`, `[Nu, m]`.
     forward: Vec<f64>,
-    /// F of a stage and of the one before, P F and F'P F, in padded rows: `[2, n + m, stride]`,
-    /// `[n + m, stride]` twice.
+    /// F of a stage and of the one before, and P F, in padded rows: `[2, n + m, stride]` and
+    /// `[n + m, stride]`.
     models: Vec<f64>,
     product: Vec<f64>,
-    merged: Vec<f64>,
-    stride: usize,
+    /// `-L^-1 M_u:` with G = L L', `[m, stride]`.
+    half: Vec<f64>,
     /// G
     weight: Vec<f64>,
     /// What a stage adds to m, and the state of the rollout.
@@ -71,15 +71,14 @@ impl Riccati {
         Self {
             dims,
             isa: Isa::detect(),
-            p: vec![0.0; (dims.horizon + 1) * s * s],
-            gain: vec![0.0; dims.n_controls * s * m],
+            p: vec![0.0; (dims.horizon + 1) * s * stride],
+            gain: vec![0.0; dims.n_controls * m * stride],
             pivot: vec![Cholesky::new(m); dims.n_controls],
             linear: vec![0.0; (dims.horizon + 1) * s],
             forward: vec![0.0; dims.all_inputs()],
             models: models((n, m), stride),
             product: vec![0.0; s * stride],
-            merged: vec![0.0; s * stride],
-            stride,
+            half: vec![0.0; m * stride],
             weight: vec![0.0; m * m],
             vector: vec![0.0; s],
             sum: vec![0.0; s],
@@ -107,7 +106,7 @@ impl Riccati {
         expired: &mut dyn FnMut() -> bool,
     ) -> bool {
         let OcpDims { horizon, n1, .. } = self.dims;
-        let s = n + m;
+        let (s, stride) = (n + m, padded(n + m));
         let unasked = (UNASKED / (4 * s * s * s)).max(1);
         let by_row = RowWeights::new(self.dims, weights);
         self.read_model(qp, horizon - 1, (n, m));
@@ -119,21 +118,21 @@ impl Riccati {
                 }
                 next_look = j.checked_sub(unasked);
             }
-            if !self.minimize(qp, &by_row, j, (n, m)) {
+            if !self.minimize(zero, qp, &by_row, j, (n, m)) {
                 return false;
             }
             let Some(stage) = j.checked_sub(1) else { break };
-            let p = &mut self.p[j * s * s..(j + 1) * s * s];
+            let p = block_mut(&mut self.p, j, s * stride);
             let state_weights = &by_row.bounds[self.dims.next_state(stage)];
             for (c, q) in block(&qp.q, stage, n * n).chunks_exact(n).enumerate() {
-                add_scaled(&mut p[c * s..c * s + n], 1.0, q);
-                p[c * s + c] += state_weights[c];
+                add_scaled(&mut p[c * stride..c * stride + n], 1.0, q);
+                p[c * stride + c] += state_weights[c];
             }
             if j >= n1 {
                 by_row.add_block(qp, self.dims.rows_at_end(j), p);
             }
             add_cross(qp.s_before(j), self.dims, p);
-            symmetrize(p, s);
+            symmetrize(p, s, stride);
             self.hand_on(zero, qp, stage, (n, m));
         }
         true
@@ -142,7 +141,7 @@ impl Riccati {
     /// Writes A and B of a stage into F.
     #[inline(always)]
     fn read_model(&mut self, qp: &Qp, stage: usize, (n, m): (usize, usize)) {
-        let (s, stride) = (n + m, self.stride);
+        let (s, stride) = (n + m, padded(n + m));
         let rows = block(&qp.a, stage, n * n).chunks_exact(n);
         let rows = rows.zip(block(&qp.b, stage, n * m).chunks_exact(m));
         let f = block_mut(&mut self.models, stage % 2, s * stride);
@@ -160,40 +159,35 @@ impl Riccati {
         if let Some(next) = stage.checked_sub(1) {
             self.read_model(qp, next, (n, m));
         }
-        let (s, stride) = (n + m, self.stride);
+        let (s, stride) = (n + m, padded(n + m));
         let origin = self.dims.origin(stage);
-        let (before, p) = self.p.split_at_mut((stage + 1) * s * s);
-        let (p, target) = (&p[..s * s], block_mut(before, origin, s * s));
+        let (before, p) = self.p.split_at_mut((stage + 1) * s * stride);
+        let (p, target) = (&p[..s * stride], block_mut(before, origin, s * stride));
         let f = block(&self.models, stage % 2, s * stride);
-        let p = Factor { matrix: p, by_row: s, by_column: 1 };
+        let p = Factor { matrix: p, by_row: stride, by_column: 1 };
         multiply(zero, To::Set, p, [s, s], f, &mut self.product, [stride, s]);
         let transposed = Factor { matrix: f, by_row: 1, by_column: stride };
-        multiply(zero, To::Set, transposed, [s, s], &self.product, &mut self.merged, [stride, s]);
         // The first in the order of the recursion sets M.
         let first = stage + 1 == self.dims.stages_from(origin).end;
-        for (to, row) in target.chunks_exact_mut(s).zip(self.merged.chunks_exact(stride)) {
-            if first {
-                to.copy_from_slice(&row[..s]);
-            } else {
-                add_scaled(to, 1.0, &row[..s]);
-            }
-        }
+        let action = if first { To::Set } else { To::Add };
+        multiply(zero, action, transposed, [s, s], &self.product, target, [stride, s]);
     }
 
     /// Completes M of node `j` in its place, and minimizes over the increment if the node has an
     /// input of its own; `false` if there is no minimum.
     #[inline(always)]
-    fn minimize(
+    fn minimize<V: Simd>(
         &mut self,
+        zero: V,
         qp: &Qp,
         by_row: &RowWeights<'_>,
         j: usize,
         (n, m): (usize, usize),
     ) -> bool {
         let dims = self.dims;
-        let s = n + m;
+        let (s, stride) = (n + m, padded(n + m));
         let stages = dims.stages_from(j);
-        let merged = block_mut(&mut self.p, j, s * s);
+        let merged = block_mut(&mut self.p, j, s * stride);
         if stages.is_empty() {
             merged.fill(0.0);
         }
@@ -212,42 +206,47 @@ impl Riccati {
             return true;
         }
         for (k, t) in qp.t(j).into_iter().flat_map(|t| t.chunks_exact(m)).enumerate() {
-            add_scaled(&mut merged[(n + k) * s + n..(n + k + 1) * s], 1.0, t);
+            add_scaled(&mut merged[(n + k) * stride + n..(n + k) * stride + s], 1.0, t);
         }
         for (k, weight) in by_row.bounds[dims.input(j)].iter().enumerate() {
-            merged[(n + k) * (s + 1)] += weight;
+            // Most are 0, and a vector that is read soon after one of its numbers was written waits.
+            if *weight != 0.0 {
+                merged[(n + k) * (stride + 1)] += weight;
+            }
         }
-        self.eliminate(j, block(&qp.r, j, m * m), &by_row.increments[j * m..], (n, m))
+        self.eliminate(zero, j, block(&qp.r, j, m * m), &by_row.increments[j * m..], (n, m))
     }
 
     /// Minimizes over the increment of node `j`.
     #[inline(always)]
-    fn eliminate(&mut self, j: usize, r: &[f64], weights: &[f64], (n, m): (usize, usize)) -> bool {
-        let s = n + m;
-        let merged = block_mut(&mut self.p, j, s * s);
+    fn eliminate<V: Simd>(
+        &mut self,
+        zero: V,
+        j: usize,
+        r: &[f64],
+        weights: &[f64],
+        (n, m): (usize, usize),
+    ) -> bool {
+        let (s, stride) = (n + m, padded(n + m));
+        let merged = block_mut(&mut self.p, j, s * stride);
         let pivot = &mut self.weight[..m * m];
         for (k, column) in pivot.chunks_exact_mut(m).enumerate() {
-            column.copy_from_slice(&merged[(n + k) * s + n..(n + k + 1) * s]);
+            column.copy_from_slice(&merged[(n + k) * stride + n..(n + k) * stride + s]);
             add_scaled(column, 1.0, &r[k * m..]);
             column[k] += weights[k];
         }
         if !self.pivot[j].factor_sized(pivot, m) {
             return false;
         }
-        let gain = &mut self.gain[j * s * m..(j + 1) * s * m];
-        for (gain, column) in gain.chunks_exact_mut(m).zip(merged.chunks_exact(s)) {
-            gain.copy_from_slice(&column[n..]);
-            self.pivot[j].forward_sized(gain, m);
-        }
-        // M_u:' G^-1 M_u: from the half-solved factors, so that it is symmetric.
-        for (c, column) in merged.chunks_exact_mut(s).enumerate() {
-            for (r, entry) in column.iter_mut().enumerate() {
-                for k in 0..m {
-                    *entry -= gain[r * m + k] * gain[c * m + k];
-                }
-            }
-        }
-        gain.chunks_exact_mut(m).for_each(|gain| self.pivot[j].backward_sized(gain, m));
+        let gain = block_mut(&mut self.gain, j, m * stride);
+        gain.copy_from_slice(&merged[n * stride..]);
+        self.pivot[j].forward_rows(zero, gain, [m, stride]);
+        // M_u:' G^-1 M_u: from the half-solved rows, so that it is symmetric.
+        let half = &mut self.half[..m * stride];
+        negate(zero, gain, half);
+        let half = Factor { matrix: half, by_row: 1, by_column: stride };
+        multiply(zero, To::Add, half, [s, m], gain, merged, [stride, s]);
+        self.pivot[j].backward_rows(zero, gain, [m, stride]);
         true
     }
 
@@ -267,7 +266,7 @@ impl Riccati {
     #[inline(always)]
     fn backward(&mut self, qp: &Qp, g: &[f64], c: &[f64], (n, m): (usize, usize)) {
         let dims = self.dims;
-        let s = n + m;
+        let (s, stride) = (n + m, padded(n + m));
         let (by_x, by_u) = g.split_at(dims.all_states());
         for j in (0..=dims.horizon).rev() {
             let (before, linear) = self.linear.split_at_mut(j * s);
@@ -277,13 +276,11 @@ impl Riccati {
             }
             if j < dims.n_controls {
                 add_scaled(&mut linear[n..], 1.0, block(by_u, j, m));
-                let gain = block(&self.gain, j, s * m).chunks_exact(m);
+                let gain = block(&self.gain, j, m * stride).chunks_exact(stride);
                 let forward = block_mut(&mut self.forward, j, m);
                 forward.copy_from_slice(&linear[n..]);
-                for (entry, gain) in linear.iter_mut().zip(gain) {
-                    for (gain, forward) in gain.iter().zip(forward.iter()) {
-                        *entry -= gain * forward;
-                    }
+                for (gain, forward) in gain.zip(forward.iter()) {
+                    add_scaled(linear, -forward, gain);
                 }
                 self.pivot[j].forward_sized(forward, m);
                 self.pivot[j].backward_sized(forward, m);
@@ -292,7 +289,7 @@ impl Riccati {
             add_scaled(linear, 1.0, block(by_x, stage, n));
             let sum = &mut self.sum[..s];
             sum.copy_from_slice(linear);
-            let p = block(&self.p, j, s * s).chunks_exact(s);
+            let p = block(&self.p, j, s * stride).chunks_exact(stride);
             for (c, column) in block(c, stage, n).iter().zip(p) {
                 add_scaled(sum, *c, column);
             }
@@ -321,7 +318,7 @@ impl Riccati {
         (n, m): (usize, usize),
     ) {
         let dims = self.dims;
-        let s = n + m;
+        let (s, stride) = (n + m, padded(n + m));
         let (states, inputs) = d.split_at_mut(dims.all_states());
         for j in 0..=dims.horizon {
             // s_j = (dx_j, du_{j-1})
@@ -339,7 +336,7 @@ impl Riccati {
 
                 let lambda = block_mut(lambda, stage, n);
                 lambda.copy_from_slice(&block(&self.linear, j, s)[..n]);
-                let p = block(&self.p, j, s * s).chunks_exact(s);
+                let p = block(&self.p, j, s * stride).chunks_exact(stride);
                 for (entry, column) in vector.iter().zip(p) {
                     add_scaled(lambda, *entry, column);
                 }
@@ -350,9 +347,9 @@ impl Riccati {
                 let u = block_mut(inputs, j, m);
                 u.copy_from_slice(&vector[n..]);
                 add_scaled(u, -1.0, block(&self.forward, j, m));
-                let gain = block(&self.gain, j, s * m).chunks_exact(m);
-                for (entry, gain) in vector.iter().zip(gain) {
-                    add_scaled(u, -*entry, gain);
+                let gain = block(&self.gain, j, m * stride).chunks_exact(stride);
+                for (u, gain) in u.iter_mut().zip(gain) {
+                    *u -= dot(&gain[..s], vector);
                 }
             }
         }
@@ -413,20 +410,29 @@ impl Task for Solve<'_> {
 /// what rounding does to its symmetric part; an antisymmetric part would grow as the plant does
 /// without control, `A' P A`.
 #[inline(always)]
-fn symmetrize(matrix: &mut [f64], size: usize) {
+fn symmetrize(matrix: &mut [f64], size: usize, stride: usize) {
     for c in 1..size {
         for r in 0..c {
-            let mean = 0.5 * (matrix[c * size + r] + matrix[r * size + c]);
-            matrix[c * size + r] = mean;
-            matrix[r * size + c] = mean;
+            let mean = 0.5 * (matrix[c * stride + r] + matrix[r * stride + c]);
+            matrix[c * stride + r] = mean;
+            matrix[r * stride + c] = mean;
         }
+    }
+}
+
+/// to = -from, of padded rows.
+#[inline(always)]
+fn negate<V: Simd>(zero: V, from: &[f64], to: &mut [f64]) {
+    let to = to.chunks_exact_mut(V::LANES);
+    for (from, to) in from.chunks_exact(V::LANES).zip(to) {
+        (zero - zero.load(from)).write(to);
     }
 }
 
 /// Adds `S_j` or `E_j` to the matrix of `dx_j` and its input.
 fn add_cross(s: Option<&[f64]>, dims: OcpDims, matrix: &mut [f64]) {
     let OcpDims { nx: n, nu: m, .. } = dims;
-    let width = n + m;
+    let width = padded(n + m);
     for (k, row) in s.into_iter().flat_map(|s| s.chunks_exact(n)).enumerate() {
         for (i, entry) in row.iter().enumerate() {
             matrix[i * width + n + k] += entry;
@@ -463,7 +469,7 @@ impl<'a> RowWeights<'a> {
         let jacobians = by_x.chunks_exact(n).zip(by_u.chunks_exact(m));
         for (weight, (by_x, by_u)) in self.general[rows].iter().zip(jacobians) {
             let normal = by_x.iter().chain(by_u);
-            for (column, entry) in matrix.chunks_exact_mut(n + m).zip(normal) {
+            for (column, entry) in matrix.chunks_exact_mut(padded(n + m)).zip(normal) {
                 let (x, u) = column.split_at_mut(n);
                 add_scaled(x, weight * entry, by_x);
                 add_scaled(u, weight * entry, by_u);
