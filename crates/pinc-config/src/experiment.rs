@@ -290,7 +290,7 @@ impl Experiment {
     #[must_use]
     pub fn scenarios(&self) -> Option<Scenarios> {
         let spec = self.control.as_ref()?.scenarios.as_ref()?;
-        Some(spec.of(&self.loop_parameters().names))
+        Some(spec.of(&self.loop_parameters().names, self.seed))
     }
 
     /// The dimensions of the plant, with the parameters that vary.

@@ -50,9 +50,15 @@ impl Scenarios {
             };
             grid = grid.iter().flat_map(with).collect();
         }
+        Self::list(parameters, grid, robust_horizon)
+    }
+
+    /// Branches with these values of the parameters, `[branches, parameters]`, and equal weights.
+    #[must_use]
+    pub fn list(parameters: Vec<usize>, values: Vec<Vec<f64>>, robust_horizon: usize) -> Self {
         #[expect(clippy::cast_precision_loss, reason = "far below 2^53 branches")]
-        let weights = vec![1.0 / grid.len() as f64; grid.len()];
-        Self { parameters, values: grid, weights, robust_horizon }
+        let weights = vec![1.0 / values.len() as f64; values.len()];
+        Self { parameters, values, weights, robust_horizon }
     }
 
     /// The shape of the tree; `None` if it is too large to be counted.

@@ -2,7 +2,7 @@
 
 use super::Checked;
 use super::values::{NO_PARAMETERS, alone, each, known_to_net, length, place, positive, value};
-use crate::{ControlSpec, Experiment, OnError, ScenarioSpec};
+use crate::{Combine, ControlSpec, Experiment, OnError, ScenarioSpec};
 use pinc_mpc::QpMethod;
 
 const SECTION: &str = "control.scenarios";
@@ -48,6 +48,13 @@ fn values(experiment: &Experiment, control: &ControlSpec, spec: &ScenarioSpec) -
             return value(&key, format!("{values:?}"), "one or more finite numbers");
         }
         known_to_net(&key, format!("{values:?}"), name, (experiment, control))?;
+        if spec.combine == Combine::InOrder && spec.branches() != Some(values.len()) {
+            let expected = "as many values as each other parameter has: they are combined in order";
+            return value(&key, format!("{values:?}"), expected);
+        }
+    }
+    if spec.combine == Combine::Draws(0) {
+        return value(&format!("{SECTION}.combine.draws"), 0, "1 or more");
     }
     Ok(())
 }
@@ -57,7 +64,7 @@ fn tree(control: &ControlSpec, spec: &ScenarioSpec) -> Checked {
     let branches = spec.branches().unwrap_or(usize::MAX);
     if let Some(weights) = &spec.weights {
         let key = format!("{SECTION}.weights");
-        length(&key, weights, branches, "combination of values")?;
+        length(&key, weights, branches, "branch")?;
         each(&key, weights, positive)?;
     }
     let key = format!("{SECTION}.robust_horizon");
@@ -69,8 +76,8 @@ fn tree(control: &ControlSpec, spec: &ScenarioSpec) -> Checked {
     let paths = (0..horizon).try_fold(1_usize, |paths, _| paths.checked_mul(branches));
     let nodes = paths.and_then(|paths| paths.checked_mul(control.n2)).unwrap_or(usize::MAX);
     if nodes > NODES {
-        let found = format!("{horizon}, with {branches} combinations of values");
-        let expected = format!("at most {NODES} nodes: combinations^robust_horizon times `n2`");
+        let found = format!("{horizon}, with {branches} branches");
+        let expected = format!("at most {NODES} nodes: branches^robust_horizon times `n2`");
         return value(&key, found, &expected);
     }
     Ok(())
