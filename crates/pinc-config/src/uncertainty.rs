@@ -39,6 +39,27 @@ pub struct UncertaintySpec {
     /// regulator along the plan; `"none"`; or a matrix with one row per input.
     #[serde(default, skip_serializing_if = "is_default")]
     pub feedback: FeedbackSpec,
+    /// Whether the bounds of inputs move by what the feedback may ask for.
+    #[serde(default = "yes", skip_serializing_if = "Clone::clone")]
+    pub tighten_inputs: bool,
+    /// How many of the first quadratic programs of a step have bounds that are tightened anew: the
+    /// first one's along the plan of the step before, later ones' along their own plan. Several may
+    /// not settle.
+    #[serde(default = "one", skip_serializing_if = "is_one")]
+    pub tightenings: usize,
+}
+
+fn yes() -> bool {
+    true
+}
+
+fn one() -> usize {
+    1
+}
+
+#[expect(clippy::trivially_copy_pass_by_ref, reason = "as serde calls it")]
+fn is_one(count: &usize) -> bool {
+    *count == 1
 }
 
 /// A probability, or the worst case.
@@ -188,5 +209,7 @@ impl UncertaintySpec {
         };
         let sizes = (dims, problem.horizon);
         EllipsoidTube::new(sizes, sources, Some(parts.model), feedback, units)
+            .map(|tube| tube.tightening_inputs(self.tighten_inputs))
+            .map(|tube| tube.tightening_programs(self.tightenings))
     }
 }

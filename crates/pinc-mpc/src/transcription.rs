@@ -1,5 +1,7 @@
 //! From the control problem to quadratic programs: direct multiple shooting.
 
+mod tube;
+
 use crate::constraint::Constraint;
 use crate::constraints::ConstraintWork;
 use crate::cost::{Cost, Targets};
@@ -15,7 +17,7 @@ use crate::timetable::Part;
 use crate::units::Units;
 use crate::{BoundSchedule, Bounds, Constraints, NmpcProblem};
 use pinc_qp::{Multipliers, OcpDims, Qp, Row, all_finite};
-use pinc_tube::{Tightened, Tightening, Tube};
+use pinc_tube::Tightening;
 use std::ops::Range;
 
 /// The control problem in the unknowns z, and its linearization.
@@ -32,6 +34,8 @@ pub(crate) struct Transcription {
     pub(crate) increments: Bounds,
     /// What tightens bounds on z and on outputs.
     tightening: Option<Tightening>,
+    /// Whether bounds are tightened anew wherever the problem is linearized.
+    follows_plan: bool,
     /// Whether there are any of these.
     limits_increments: bool,
     /// Bounds on the outputs at all constrained stages.
@@ -81,6 +85,7 @@ impl Transcription {
             limits_increments: increments.low.iter().chain(&increments.high).any(|b| b.is_finite()),
             increments,
             tightening: None,
+            follows_plan: false,
             output_bounds: output_bounds.map_or(Bounds::none(0), outputs),
             constraints: problem.constraints.clone(),
             work: ConstraintWork::new(model, dims.general()),
@@ -205,52 +210,6 @@ impl Transcription {
         for &[at, state] in &self.orbit {
             (self.bounds.low[at], self.bounds.high[at]) = (x0[state], x0[state]);
         }
-    }
-
-    /// Lets `tube` tighten the bounds, of a model with `ny` outputs.
-    pub(crate) fn set_tube(&mut self, tube: Box<dyn Tube>, ny: usize) {
-        let given = [&self.bounds, &self.output_bounds].map(|of| [of.low.clone(), of.high.clone()]);
-        let dims = self.dims;
-        let sizes = [dims.all_states(), dims.all_inputs(), dims.horizon * ny];
-        self.tightening = Some(Tightening::new(tube, sizes, given));
-    }
-
-    /// Whether a tube tightens the bounds.
-    pub(crate) fn is_tightened(&self) -> bool {
-        self.tightening.is_some()
-    }
-
-    /// The tube, if there is one.
-    pub(crate) fn tube(&mut self) -> Option<&mut dyn Tube> {
-        self.tightening.as_mut().map(Tightening::tube)
-    }
-
-    /// Tightens the bounds of a plan from `x0`, of which `z` is the first guess, along the points
-    /// where the model was linearized last: the plan of the step before, unless the guess `is_known`
-    /// there; whether bounds changed. Where the model has no value, they stay as they are.
-    pub(crate) fn tighten(
-        &mut self,
-        horizon: &mut Horizon,
-        at: [&[f64]; 2],
-        is_known: bool,
-    ) -> bool {
-        let Some(tightening) = &mut self.tightening else { return false };
-        let shift = !is_known && self.cache.is_filled();
-        if !shift && !is_known {
-            self.cache.follow(horizon, at, &mut || false);
-        }
-        let Some(along) = self.cache.ahead(usize::from(shift)) else { return false };
-        let bounds = [&mut self.bounds, &mut self.output_bounds];
-        tightening.tighten(along, bounds.map(|of| [&mut of.low[..], &mut of.high]));
-        true
-    }
-
-    /// What became of the bounds, for a plan `z` that the outputs are of.
-    pub(crate) fn tightened(&self, z: &[f64]) -> Option<Tightened<'_>> {
-        let of = self.tightening.as_ref()?;
-        let y = self.outputs.as_ref().map_or(&[][..], |outputs| outputs.ends().all());
-        let bounds = [&self.bounds, &self.output_bounds].map(|of| [&of.low[..], &of.high]);
-        Some(of.judge(bounds, z, y))
     }
 
     /// At how many stages the model has been linearized since this was last asked.
@@ -392,6 +351,9 @@ impl Transcription {
     ) -> bool {
         if !self.cache.follow(horizon, [x0, z], expired) {
             return false;
+        }
+        if self.follows_plan {
+            self.tighten_along(0);
         }
         let [next, a, b] = self.cache.parts();
         qp.a.copy_from_slice(a);

@@ -11,6 +11,12 @@ pub trait Tube: Debug + Send {
 
     /// Takes the covariance of the state that the next plan begins at, `[n, n]`.
     fn set_covariance(&mut self, covariance: &[f64]);
+
+    /// How many of the first quadratic programs of a step have bounds that are tightened anew. The
+    /// first one's are tightened along the plan of the step before, later ones' along their own.
+    fn programs(&self) -> usize {
+        1
+    }
 }
 
 /// A model along a plan.

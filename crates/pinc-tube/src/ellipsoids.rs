@@ -37,6 +37,10 @@ pub struct EllipsoidTube {
     model: Option<TubeModel>,
     gains: Gains,
     units: TubeUnits,
+    /// Whether bounds of inputs move.
+    tightens_inputs: bool,
+    /// See [`Tube::programs`].
+    programs: usize,
     /// z
     quantile: f64,
     /// P at `x_0` .. `x_N`, `[N + 1, n, n]`.
@@ -115,7 +119,22 @@ impl EllipsoidTube {
             sources,
             model,
             units,
+            tightens_inputs: true,
+            programs: 1,
         })
+    }
+
+    /// Whether the bounds of inputs move by what the feedback may ask for, as they do otherwise.
+    /// Where they do not, the feedback may ask for more than the bounds allow.
+    #[must_use]
+    pub fn tightening_inputs(self, tightens_inputs: bool) -> Self {
+        Self { tightens_inputs, ..self }
+    }
+
+    /// How many programs of a step have bounds of their own: see [`Tube::programs`].
+    #[must_use]
+    pub fn tightening_programs(self, programs: usize) -> Self {
+        Self { programs, ..self }
     }
 
     /// The covariances of the states `x_0` .. `x_N` of the last plan, `[N + 1, n, n]`.
@@ -275,7 +294,7 @@ impl Tube for EllipsoidTube {
         let last = back_offs.inputs.len() / m - 1;
         let ny = back_offs.outputs.len() / self.stages;
         for j in 0..self.stages {
-            for i in 0..m {
+            for i in (0..m).filter(|_| self.tightens_inputs) {
                 // The last free input acts in all stages that are left.
                 let width = self.width(&self.gains.stage(j)[i * n..(i + 1) * n], j);
                 let to = &mut back_offs.inputs[j.min(last) * m + i];
@@ -299,5 +318,9 @@ impl Tube for EllipsoidTube {
         if self.sources.estimate {
             self.p[..n * n].copy_from_slice(covariance);
         }
+    }
+
+    fn programs(&self) -> usize {
+        self.programs
     }
 }

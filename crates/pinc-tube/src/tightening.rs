@@ -46,6 +46,12 @@ impl Tightening {
         &mut *self.tube
     }
 
+    /// See [`Tube::programs`].
+    #[must_use]
+    pub fn programs(&self) -> usize {
+        self.tube.programs()
+    }
+
     /// Writes the bounds tightened along a plan, in the order of those given. Where a lower bound
     /// would be above its upper one, both are the middle. If a back-off is no number, the bounds
     /// stay as they are.

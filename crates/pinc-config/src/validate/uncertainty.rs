@@ -1,7 +1,9 @@
 //! Checks of `[control.uncertainty]`.
 
 use super::Checked;
-use super::values::{NO_PARAMETERS, alone, each, known_to_net, length, not_negative, place, value};
+use super::values::{
+    NO_PARAMETERS, alone, at_least_one, each, known_to_net, length, not_negative, place, value,
+};
 use crate::registry::Variables;
 use crate::{
     ControlSpec, Experiment, FeedbackSpec, ModelKind, NetErrorSpec, OnError, UncertaintySpec,
@@ -17,6 +19,7 @@ pub(super) fn uncertainty(
     let Some(spec) = &control.uncertainty else { return Ok(()) };
     sources(spec, control, variables)?;
     intervals(experiment, control, spec)?;
+    at_least_one(&format!("{SECTION}.tightenings"), spec.tightenings)?;
     if let FeedbackSpec::Matrix(rows) = &spec.feedback {
         let key = format!("{SECTION}.feedback");
         let inputs = variables.inputs.len();

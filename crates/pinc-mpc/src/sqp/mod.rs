@@ -319,6 +319,7 @@ impl Sqp {
     ) -> Outcome {
         self.merit.reset();
         self.step_length.reset();
+        self.transcription.follow_plan(None);
         let Some(mut point) = self.try_point(model, input, plan, expired) else {
             return Outcome::expired_at_once();
         };
@@ -355,6 +356,7 @@ impl Sqp {
 
             // d, lambda+
             iterations += 1;
+            self.transcription.follow_plan(Some(iterations));
             self.step.multipliers.copy_from(&plan.multipliers);
             match self.solve_program(expired) {
                 QpStatus::Solved if self.is_unsettled_by_step(plan) => continue,

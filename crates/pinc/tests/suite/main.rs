@@ -45,3 +45,4 @@ mod sweep;
 mod traps;
 mod tune;
 mod ways;
+mod zoro;

@@ -1,0 +1,69 @@
+//! Bounds that a tube tightens.
+
+use super::Transcription;
+use crate::horizon::Horizon;
+use pinc_tube::{Tightened, Tightening, Tube};
+
+impl Transcription {
+    /// Lets `tube` tighten the bounds, of a model with `ny` outputs.
+    pub(crate) fn set_tube(&mut self, tube: Box<dyn Tube>, ny: usize) {
+        let given = [&self.bounds, &self.output_bounds].map(|of| [of.low.clone(), of.high.clone()]);
+        let dims = self.dims;
+        let sizes = [dims.all_states(), dims.all_inputs(), dims.horizon * ny];
+        self.tightening = Some(Tightening::new(tube, sizes, given));
+    }
+
+    /// Whether a tube tightens the bounds.
+    pub(crate) fn is_tightened(&self) -> bool {
+        self.tightening.is_some()
+    }
+
+    /// The tube, if there is one.
+    pub(crate) fn tube(&mut self) -> Option<&mut dyn Tube> {
+        self.tightening.as_mut().map(Tightening::tube)
+    }
+
+    /// Tightens the bounds of a plan from `x0`, of which `z` is the first guess, along the points
+    /// where the model was linearized last: the plan of the step before, unless the guess `is_known`
+    /// there; whether bounds changed. Where the model has no value, they stay as they are.
+    pub(crate) fn tighten(
+        &mut self,
+        horizon: &mut Horizon,
+        at: [&[f64]; 2],
+        is_known: bool,
+    ) -> bool {
+        if self.tightening.is_none() {
+            return false;
+        }
+        let shift = !is_known && self.cache.is_filled();
+        if !shift && !is_known {
+            self.cache.follow(horizon, at, &mut || false);
+        }
+        self.tighten_along(usize::from(shift))
+    }
+
+    /// Tightens bounds anew wherever the problem is linearized after so many programs of a step, if the
+    /// tube says so.
+    pub(crate) fn follow_plan(&mut self, programs: Option<usize>) {
+        let most = self.tightening.as_ref().map_or(0, Tightening::programs);
+        self.follows_plan = programs.is_some_and(|programs| programs < most);
+    }
+
+    /// Tightens the bounds along the points where the model was linearized last, moved on by `shift`
+    /// stages; whether bounds changed.
+    pub(super) fn tighten_along(&mut self, shift: usize) -> bool {
+        let Some(tightening) = &mut self.tightening else { return false };
+        let Some(along) = self.cache.ahead(shift) else { return false };
+        let bounds = [&mut self.bounds, &mut self.output_bounds];
+        tightening.tighten(along, bounds.map(|of| [&mut of.low[..], &mut of.high]));
+        true
+    }
+
+    /// What became of the bounds, for a plan `z` that the outputs are of.
+    pub(crate) fn tightened(&self, z: &[f64]) -> Option<Tightened<'_>> {
+        let of = self.tightening.as_ref()?;
+        let y = self.outputs.as_ref().map_or(&[][..], |outputs| outputs.ends().all());
+        let bounds = [&self.bounds, &self.output_bounds].map(|of| [&of.low[..], &of.high]);
+        Some(of.judge(bounds, z, y))
+    }
+}
