@@ -30,7 +30,15 @@ const CRATES: [(&str, &[&str]); 29] = [
     ("pinc-verify", &["pinc-ad", "pinc-expr", "pinc-net", "pinc-ode"]),
     (
         "pinc-export",
-        &["pinc-estimate", "pinc-expr", "pinc-mpc", "pinc-net", "pinc-ode", "pinc-verify"],
+        &[
+            "pinc-estimate",
+            "pinc-expr",
+            "pinc-mpc",
+            "pinc-net",
+            "pinc-ode",
+            "pinc-tube",
+            "pinc-verify",
+        ],
     ),
     (
         "pinc-shrink",

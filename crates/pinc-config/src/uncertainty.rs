@@ -173,6 +173,16 @@ impl UncertaintySpec {
         self.parameters.keys().filter_map(|name| all.iter().position(|known| known.name == *name))
     }
 
+    /// The feedback on deviations.
+    #[must_use]
+    pub fn feedback(&self) -> Feedback {
+        match &self.feedback {
+            FeedbackSpec::Word(FeedbackWord::Riccati) => Feedback::Riccati,
+            FeedbackSpec::Word(FeedbackWord::None) => Feedback::None,
+            FeedbackSpec::Matrix(rows) => Feedback::Given(rows.concat()),
+        }
+    }
+
     /// The tube.
     ///
     /// # Errors
@@ -202,13 +212,8 @@ impl UncertaintySpec {
             estimate: self.estimate,
             error: parts.error,
         };
-        let feedback = match &self.feedback {
-            FeedbackSpec::Word(FeedbackWord::Riccati) => Feedback::Riccati,
-            FeedbackSpec::Word(FeedbackWord::None) => Feedback::None,
-            FeedbackSpec::Matrix(rows) => Feedback::Given(rows.concat()),
-        };
         let sizes = (dims, problem.horizon);
-        EllipsoidTube::new(sizes, sources, Some(parts.model), feedback, units)
+        EllipsoidTube::new(sizes, sources, Some(parts.model), self.feedback(), units)
             .map(|tube| tube.tightening_inputs(self.tighten_inputs))
             .map(|tube| tube.tightening_programs(self.tightenings))
     }

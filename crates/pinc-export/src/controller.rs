@@ -6,6 +6,7 @@ use crate::feedback_c::Estimation;
 use crate::guard_c::ErrorGuard;
 use crate::open::Open;
 use crate::runge_kutta_c::RungeKuttaModel;
+use crate::tube_c::ExportedTube;
 use pinc_expr::PlantEquations;
 use pinc_mpc::{
     Bounds, NmpcProblem, PerStage, ProblemUnits, QpMethod, Reference, Softness, SqpConfig,
@@ -47,6 +48,8 @@ pub struct Controller<'a> {
     /// The estimator that tells it the state, if there is one; its disturbances and the parameters
     /// that it estimates are the problem's parameters.
     pub estimator: Option<Estimation<'a>>,
+    /// What tightens its bounds, if anything does.
+    pub tube: Option<&'a ExportedTube>,
 }
 
 /// The source of a controller's model.

@@ -36,6 +36,7 @@ mod protobuf;
 mod runge_kutta_c;
 mod start_c;
 mod template;
+mod tube_c;
 mod zip;
 
 pub use casadi::net_to_casadi;
@@ -51,6 +52,7 @@ pub use net_c::net_to_c;
 pub use onnx::{Precision, net_to_onnx};
 pub use origin::Origin;
 pub use runge_kutta_c::RungeKuttaModel;
+pub use tube_c::ExportedTube;
 pub use zip::archive;
 
 /// A file to be written.

@@ -11,6 +11,7 @@ use crate::outputs_c::outputs_core;
 use crate::runge_kutta_c::runge_kutta_core;
 use crate::start_c::set_start;
 use crate::template::{Template, array, constant, places, table};
+use crate::tube_c::set_tube;
 use crate::{ExportError, GeneratedFile, Name, feedback_c};
 use pinc_mpc::{Nmpc, ProblemUnits, Softness, Weight};
 use pinc_ode::Dims;
@@ -278,6 +279,7 @@ fn output_rows(
         .set("OUTPUT_WIDTH", here().count())
         .set("OUTPUT_STARTS", u8::from(!through.is_empty()))
         .set("ALL_OUTPUT_ROWS", low.len() + stages * through.len());
+    set_tube(t, controller, dims, [!rows.is_empty(), !through.is_empty()])?;
     let pick = |of: &dyn Fn(usize, usize) -> f64| -> Vec<f64> {
         rows.iter().map(|&(j, o, _)| of(j, o)).collect()
     };

@@ -81,8 +81,21 @@
 #define PINC_PREVIEW @PREVIEW@
 /* Whether the sequence of inputs is weighted. */
 #define PINC_HAS_W @HAS_W@
+/* The bounds that plans keep, which a tube tightens. */
+#define PINC_HAS_TUBE @HAS_TUBE@
+#if PINC_HAS_TUBE
+#define PINC_LOW(m) ((m)->tight_low)
+#define PINC_HIGH(m) ((m)->tight_high)
+#define PINC_OUTPUT_LOW(m) ((m)->tight_output_low)
+#define PINC_OUTPUT_HIGH(m) ((m)->tight_output_high)
+#else
+#define PINC_LOW(m) ((m)->low)
+#define PINC_HIGH(m) ((m)->high)
+#define PINC_OUTPUT_LOW(m) pinc_output_low
+#define PINC_OUTPUT_HIGH(m) pinc_output_high
+#endif
 
-@TABLES@
+@TABLES@@TUBE_TABLES@
 @START@
 @VECTORS@static PINC_REAL pinc_abs(PINC_REAL v)
 {

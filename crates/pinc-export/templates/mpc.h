@@ -188,7 +188,7 @@ typedef struct {
     int followed;
     /** How many steps in a row, up to the last, did not end with PINC_CONVERGED: for a watchdog. */
     unsigned int missed;
-@TRUST_FIELDS@@UNKNOWN_FIELD@
+@TRUST_FIELDS@@TUBE_FIELD@@UNKNOWN_FIELD@
     /* The rest is private. */
     unsigned long mark;
     pinc_plan plan;
@@ -199,7 +199,7 @@ typedef struct {
     pinc_dense dense;
     PINC_REAL penalty[PINC_STATES];
     PINC_REAL output_penalty[PINC_ROOM(PINC_OUTPUT_ROWS)];
-    PINC_REAL d[PINC_UNKNOWNS];
+@TUBE_MEMORY@    PINC_REAL d[PINC_UNKNOWNS];
     pinc_multipliers step;
     pinc_multipliers weights;
     PINC_REAL last_step[PINC_UNKNOWNS];

@@ -32,12 +32,13 @@ static void pinc_seen_outputs(const pinc_mpc *m, const PINC_REAL *x, const PINC_
 /* What is left of the bounds on outputs at the end of interval j, or at its start, and their
    rows. The measured state does not move, and no input brings an output there into its bounds that
    does not depend on it. */
-static void pinc_limit_outputs(pinc_qp *qp, int j, int start, const PINC_REAL *y,
+static void pinc_limit_outputs(const pinc_mpc *m, pinc_qp *qp, int j, int start, const PINC_REAL *y,
                                const PINC_REAL *c, const PINC_REAL *d)
 {
     const int measured = ((start != 0) && (j == 0)) ? 1 : 0;
     int i;
     int k;
+    (void)m;
     for (i = 0; i < PINC_OUTPUT_ROWS; i++) {
         const int o = pinc_output_number[i];
         const PINC_REAL unit = pinc_output_unit[i];
@@ -45,8 +46,8 @@ static void pinc_limit_outputs(pinc_qp *qp, int j, int start, const PINC_REAL *y
         if ((pinc_output_interval[i] != j) || (pinc_output_start[i] != start)) {
             continue;
         }
-        qp->output_low[i] = (pinc_output_low[i] - y[o]) / unit;
-        qp->output_high[i] = (pinc_output_high[i] - y[o]) / unit;
+        qp->output_low[i] = (PINC_OUTPUT_LOW(m)[i] - y[o]) / unit;
+        qp->output_high[i] = (PINC_OUTPUT_HIGH(m)[i] - y[o]) / unit;
         for (k = 0; k < PINC_NX; k++) {
             const PINC_REAL slope = c[(o * PINC_NX) + k] / unit;
             qp->output_x[(i * PINC_NX) + k] = (measured != 0) ? PINC_N(0) : slope;
@@ -137,14 +138,14 @@ static PINC_REAL pinc_follow_outputs(const pinc_mpc *m, const PINC_REAL *z,
         PINC_REAL d[PINC_NO * PINC_NU];
         pinc_seen_outputs(m, x, u, y, c, d);
 #if PINC_OUTPUT_ROWS > 0
-        pinc_limit_outputs(qp, j, 0, y, c, d);
+        pinc_limit_outputs(m, qp, j, 0, y, c, d);
 #endif
 #if PINC_TRACKS_OUTPUTS
         twice += pinc_track_outputs(m, x, reference + (j * PINC_NY), j, y, c, d, qp);
 #endif
 #if PINC_OUTPUT_STARTS
         pinc_seen_outputs(m, (j == 0) ? m->start : (x - PINC_NX), u, y, c, d);
-        pinc_limit_outputs(qp, j, 1, y, c, d);
+        pinc_limit_outputs(m, qp, j, 1, y, c, d);
 #endif
     }
     return twice;

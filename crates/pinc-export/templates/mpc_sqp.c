@@ -12,8 +12,8 @@ static void pinc_project(const pinc_mpc *m, PINC_REAL *z)
     int v;
     for (v = 0; v < PINC_INPUTS; v++) {
         const PINC_REAL before = pinc_before(m, z, v);
-        const PINC_REAL least = m->low[PINC_STATES + v];
-        const PINC_REAL most = m->high[PINC_STATES + v];
+        const PINC_REAL least = PINC_LOW(m)[PINC_STATES + v];
+        const PINC_REAL most = PINC_HIGH(m)[PINC_STATES + v];
         const PINC_REAL low = pinc_min(before + pinc_increment_low[v], most);
         const PINC_REAL high = pinc_max(before + pinc_increment_high[v], least);
         PINC_REAL *input = z + (PINC_STATES + v);
@@ -54,8 +54,8 @@ static void pinc_limit(const pinc_mpc *m, const PINC_REAL *z, pinc_qp *qp)
 {
     int v;
     for (v = 0; v < PINC_UNKNOWNS; v++) {
-        qp->low[v] = m->low[v] - z[v];
-        qp->high[v] = m->high[v] - z[v];
+        qp->low[v] = PINC_LOW(m)[v] - z[v];
+        qp->high[v] = PINC_HIGH(m)[v] - z[v];
     }
     for (v = 0; v < PINC_INPUTS; v++) {
         const PINC_REAL before = pinc_before(m, z, v);
@@ -64,8 +64,8 @@ static void pinc_limit(const pinc_mpc *m, const PINC_REAL *z, pinc_qp *qp)
         PINC_REAL down = PINC_N(0);
         if (v < PINC_NU) {
             /* The first input may always go as far as to its nearest bound. */
-            up = m->high[PINC_STATES + v] - before;
-            down = m->low[PINC_STATES + v] - before;
+            up = PINC_HIGH(m)[PINC_STATES + v] - before;
+            down = PINC_LOW(m)[PINC_STATES + v] - before;
         }
         qp->increment_low[v] = pinc_min(pinc_increment_low[v], up) - increment;
         qp->increment_high[v] = pinc_max(pinc_increment_high[v], down) - increment;
@@ -645,7 +645,7 @@ static pinc_status pinc_optimize(pinc_mpc *m, const PINC_REAL *reference)
     return pinc_judge(m, pinc_iterate(m, reference, cost));
 }
 
-/* ---- The controller ------------------------------------------------------------------------- */
+@TUBE@/* ---- The controller ------------------------------------------------------------------------- */
 
 static void pinc_shift(PINC_REAL *v, int width, int count)
 {
@@ -867,7 +867,7 @@ static void pinc_begin(pinc_mpc *m)
     memset((unsigned char *)m + kept, 0, sizeof(*m) - kept);
     pinc_init_rows(&m->dense);
     pinc_restore_penalties(m);
-@INIT_UNKNOWN@    m->mark = PINC_MARK;
+@INIT_UNKNOWN@@BEGIN_TUBE@    m->mark = PINC_MARK;
 #if PINC_HAS_INITIAL_INPUT
     pinc_hold_input(m, pinc_initial_input);
 #endif
@@ -986,7 +986,7 @@ static pinc_status pinc_choose_plan(pinc_mpc *m, const PINC_REAL *x, const PINC_
     }
     pinc_predict_delay(m, x);
     pinc_shift_warm_start(m);
-    status = pinc_optimize(m, reference);
+@TIGHTEN@    status = pinc_optimize(m, reference);
     if ((status == PINC_NUMERICAL_TROUBLE) && (m->unjudged != 0)) {
         /* From a plan at which the model says nothing. */
         pinc_stay_at(&m->plan, m->start);
@@ -997,7 +997,7 @@ static pinc_status pinc_choose_plan(pinc_mpc *m, const PINC_REAL *x, const PINC_
     if (finite == 0) {
         status = PINC_NUMERICAL_TROUBLE;
     }
-    pinc_keep_plan(m, status, finite);
+@FIT@    pinc_keep_plan(m, status, finite);
     pinc_project(m, m->plan.z);
     return status;
 }

@@ -6,17 +6,21 @@ use super::proof::certificate;
 use super::shared_library::shared_libraries;
 use super::{chainable, parse_model, read_matching_model};
 use crate::RunError;
-use pinc_config::{EstimatorKind, Experiment, ModelKind, OnError, Variables, sha256};
+use pinc_config::{
+    ControlSpec, EstimatorKind, Experiment, ModelKind, NetErrorSpec, OnError, UncertaintySpec,
+    Variables, sha256,
+};
 use pinc_estimate::{Augmentation, Tuning};
 use pinc_export::{
-    Controller, ErrorGuard, ErrorResponse, Estimation, ExportError, Filter, FmiVersion,
-    GeneratedFile, ModelSource, Name, Origin, Precision, RungeKuttaModel, net_to_onnx,
+    Controller, ErrorGuard, ErrorResponse, Estimation, ExportError, ExportedTube, Filter,
+    FmiVersion, GeneratedFile, ModelSource, Name, Origin, Precision, RungeKuttaModel, net_to_onnx,
 };
 use pinc_expr::PlantEquations;
 use pinc_mpc::{Nmpc, NmpcProblem};
 use pinc_net::PincNet;
 use pinc_ode::{DynPlant, Integrator};
 use pinc_record::{RecordError, read_file, write_atomically};
+use pinc_tube::normal_quantile;
 use std::fs;
 use std::path::{Path, PathBuf};
 
@@ -160,8 +164,10 @@ pub fn export_controller_with(
         ("control.target", without, spec.target),
         ("control.cost", "q and r alone, or `pinc serve`", spec.cost.is_some()),
         ("control.bound_schedule", constant, !spec.bound_schedule.is_empty()),
-        ("control.uncertainty", "tighter bounds, or `pinc serve`", spec.uncertainty.is_some()),
-    ] {
+    ]
+    .into_iter()
+    .chain(unexported(spec))
+    {
         if is_there {
             return Err(ExportError::Feature { feature, instead }.into());
         }
@@ -192,6 +198,7 @@ pub fn export_controller_with(
         (OnError::Count | OnError::Integrator, _) => ErrorResponse::Count,
         (OnError::Correct, _) => ErrorResponse::Correct,
     };
+    let tube = spec.uncertainty.as_ref().map(|of| exported_tube(of, experiment));
     let judged = chosen.net().is_some() && !spec.error_tolerance.is_empty();
     let mut content = experiment.to_toml().into_bytes();
     content.extend(chosen.given.iter().flat_map(|(bytes, _)| bytes));
@@ -212,6 +219,7 @@ pub fn export_controller_with(
         preview: chosen.spec.preview,
         budget_us: chosen.spec.budget_us,
         estimator: estimating.as_ref().map(Estimating::estimation),
+        tube: tube.as_ref(),
     };
     let files = match to {
         Target::C => {
@@ -237,6 +245,34 @@ pub fn export_controller_with(
         }
     };
     write(&files, to, &name, out)
+}
+
+/// What generated controllers lack of a tube, what they have instead, and whether it is there.
+fn unexported(spec: &ControlSpec) -> [(&'static str, &'static str, bool); 4] {
+    let instead = "process_sd and boxes, or `pinc serve`";
+    let has = |of: fn(&UncertaintySpec) -> bool| spec.uncertainty.as_ref().is_some_and(of);
+    [
+        ("control.uncertainty.parameters", instead, has(|of| !of.parameters.is_empty())),
+        ("control.uncertainty.estimate", instead, has(|of| of.estimate)),
+        ("control.uncertainty.net_error", instead, has(|of| of.net_error != NetErrorSpec::NONE)),
+        (
+            "control.uncertainty.tightenings",
+            "1 of them, or `pinc serve`",
+            has(|of| of.tightenings > 1),
+        ),
+    ]
+}
+
+fn exported_tube(spec: &UncertaintySpec, experiment: &Experiment) -> ExportedTube {
+    let variables = experiment.plant.variables();
+    let limit = |name: &str| spec.boxes.get(name).copied().unwrap_or(0.0);
+    ExportedTube {
+        quantile: spec.chance().map_or(0.0, normal_quantile),
+        process_sd: spec.process_sd.clone(),
+        boxes: variables.state_names().iter().map(|name| limit(name)).collect(),
+        feedback: spec.feedback(),
+        tightens_inputs: spec.tighten_inputs,
+    }
 }
 
 /// The estimator of a controller that is exported.

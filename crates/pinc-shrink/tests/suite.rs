@@ -253,6 +253,7 @@ fn files(equations: &PlantEquations, shrunk: &Shrunk, nmpc: &mut Nmpc) -> Vec<Ge
         preview: false,
         budget_us: None,
         estimator: None,
+        tube: None,
     };
     let mut files = Vec::from(policy_to_c(&shrunk.policy, nmpc, &controller, &name).unwrap());
     let library = controller_of(equations, problem.clone());

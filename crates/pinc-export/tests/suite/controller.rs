@@ -222,6 +222,7 @@ impl Case {
             preview: !begin.without_preview,
             budget_us: begin.budget_us,
             estimator,
+            tube: None,
         };
         export(&controller, &Name::new("ctl").unwrap(), &origin)
     }
