@@ -112,6 +112,74 @@ fn a_loop_in_c_begins_with_the_input_of_the_config() {
     }
 }
 
+/// A cart in mm that is held within tightened bounds of position, speed, a sum of both, and input.
+const CART: &str = r#"
+name = "cart"
+preset = "ours"
+seed = 1
+[plant.expression]
+states = ["x", "v"]
+inputs = ["u"]
+parameters = { drag = 0.2 }
+outputs = { far = "x/1000 + 0.3*v + 1e-7*x^2", force = "u + v" }
+[plant.expression.derivatives]
+x = "1000*v"
+v = "-0.0004*x - drag*v*abs(v) + u"
+[control]
+models = ["rk4"]
+step_s = 0.2
+duration_s = 12.0
+initial_state = [0.0, 0.0]
+controlled = ["x"]
+q = [1e-5]
+r = [0.1]
+n2 = 10
+nu = 8
+state_low = [-500.0, -0.6]
+state_high = [1200.0, 0.6]
+state_softness = "exact"
+output_high = { far = 1.2 }
+output_softness = "exact"
+input_low = [-1.0]
+input_high = [1.0]
+references = [{ start_s = 0.0, value = [1300.0] }, { start_s = 6.0, value = [-600.0] }]
+[control.uncertainty]
+probability = 0.95
+process_sd = [3.0, 0.01]
+boxes = { v = 0.01 }
+"#;
+
+#[test]
+fn a_loop_in_c_keeps_the_distance_of_its_tube() {
+    let dir = tempfile::tempdir().unwrap();
+    let config = dir.path().join("cart.toml");
+    fs::write(&config, CART).unwrap();
+    for more in [
+        &[][..],
+        &["control.uncertainty.feedback=\"none\"", "control.nu=2"],
+        &["control.uncertainty.feedback=[[-0.5, -0.7]]", "control.output_high={}"],
+        &[
+            "control.uncertainty.feedback=[[-0.5, -0.7]]",
+            "control.uncertainty.tighten_inputs=false",
+        ],
+        &["control.uncertainty.boxes={}", "control.initial_input=[0.4]", "control.preview=false"],
+        &["control.uncertainty.process_sd=[]", "control.uncertainty.probability=\"worst-case\""],
+        // So much that nothing is left between some bounds.
+        &["control.uncertainty.boxes={ v = 0.3 }", "control.max_failed_share=1.0"],
+    ] {
+        let sets = more.iter().flat_map(|set| ["--set", set]).collect::<Vec<_>>();
+        assert_eq!(assert_same_loop(&config, ModelKind::RK4, &sets, &[]), 60);
+    }
+    let depends = "control.output_high={ force = 2.0 }";
+    let depends = export(&["cart.toml", "--set", depends], dir.path());
+    depends.assert_refused(&["control.uncertainty", "outputs that depend on the input"]);
+    for part in ["parameters={ drag = [0.1, 0.3] }", "tightenings=2"] {
+        let set = format!("control.uncertainty.{part}");
+        let refused = export(&["cart.toml", "--set", &set], dir.path());
+        refused.assert_refused(&[part.split('=').next().unwrap()]);
+    }
+}
+
 #[test]
 fn the_tanks_loop_in_c_matches_the_program() {
     let config = repository("configs/four-tanks/control.toml");

@@ -310,6 +310,11 @@ fn keys() -> Vec<(&'static str, Vec<&'static str>, About)> {
             vec![SCENARIOS, "control.scenarios.weights=[1.0, 5.0, 1.0]"],
             Controller,
         ),
+        (
+            "scenarios.combine",
+            vec![SCENARIOS, "control.scenarios.combine={ draws = 2 }"],
+            Controller,
+        ),
         ("uncertainty.probability", worst(&[BOXES]), Controller),
         (
             "uncertainty.process_sd",
@@ -331,6 +336,20 @@ fn keys() -> Vec<(&'static str, Vec<&'static str>, About)> {
         (
             "uncertainty.feedback",
             worst(&[BOXES, "control.uncertainty.feedback=\"none\""]),
+            Controller,
+        ),
+        (
+            "uncertainty.tighten_inputs",
+            worst(&[
+                BOXES,
+                "control.uncertainty.feedback=[[-1.5, -1.5]]",
+                "control.uncertainty.tighten_inputs=false",
+            ]),
+            Controller,
+        ),
+        (
+            "uncertainty.tightenings",
+            worst(&[BOXES, "control.uncertainty.tightenings=3"]),
             Controller,
         ),
         (
