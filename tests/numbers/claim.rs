@@ -93,7 +93,8 @@ fn unfounded(page: &Page, own: &Section, block: &Block, pages: &[Page]) -> Vec<F
     }
     let is_known = |printed: &Numeral| {
         known.iter().any(|of| {
-            (of.value.abs() - printed.value.abs()).abs() <= printed.half_unit() * (1.0 + 1e-6)
+            (of.value.abs() - printed.value.abs()).abs()
+                <= printed.half_unit(of.value) * (1.0 + 1e-6)
         })
     };
     let results = numerals(&plain).into_iter().filter(|of| of.is_result(&plain));

@@ -16,14 +16,14 @@ pub(crate) struct Numeral {
 }
 
 impl Numeral {
-    /// Half of what one unit of its last digit is worth.
-    pub(crate) fn half_unit(&self) -> f64 {
+    /// Half of what one unit of its last digit is worth, or of the last digit that `value` would be
+    /// written with, which is worth less below a power of ten.
+    pub(crate) fn half_unit(&self, value: f64) -> f64 {
         let power = match self.exponent {
-            Some(_) if self.value == 0.0 => 0,
-            // Rounded, since the logarithm of 1e-6 is not -6 to the last bit.
-            Some(_) => decade(self.value),
-            None => 0,
+            Some(_) => [self.value, value].into_iter().filter(|v| *v != 0.0).map(decade).min(),
+            None => None,
         };
+        let power = power.unwrap_or(0);
         let decimals = i32::try_from(self.decimals).expect("few digits");
         0.5 * 10f64.powi(power - decimals)
     }
@@ -149,7 +149,7 @@ pub(crate) enum Rule {
 impl Rule {
     /// Whether `printed` may stand for `value`.
     pub(crate) fn holds(self, printed: &Numeral, value: f64, rounds_alike: bool) -> bool {
-        let digits = (printed.value - value).abs() <= printed.half_unit() * (1.0 + 1e-6);
+        let digits = (printed.value - value).abs() <= printed.half_unit(value) * (1.0 + 1e-6);
         match self {
             Self::Digits => digits,
             _ if rounds_alike => digits,
@@ -161,7 +161,7 @@ impl Rule {
 
     /// A number near `value` that this rule does not let stand for it.
     pub(crate) fn wrong(self, printed: &Numeral, value: f64, rounds_alike: bool) -> f64 {
-        let unit = 2.0 * printed.half_unit();
+        let unit = 2.0 * printed.half_unit(printed.value);
         match self {
             Self::Net if !rounds_alike => printed.value.max(value) * 1.03 + unit,
             Self::Error if !rounds_alike => printed.value.max(value) * 10.0 + unit,
@@ -182,12 +182,13 @@ pub(crate) fn check_itself() {
         [3.2033, 0.0129, 69.75, 0.3]
     );
     let one = |text: &str| numerals(text).remove(0);
-    assert!((one("1.5e-07").half_unit() - 5e-9).abs() < 1e-20);
-    assert!((one("283.23").half_unit() - 5e-3).abs() < 1e-15);
+    assert!((one("1.5e-07").half_unit(1.5e-7) - 5e-9).abs() < 1e-20);
+    assert!((one("283.23").half_unit(283.23) - 5e-3).abs() < 1e-15);
     assert_eq!(one("1.5e-07").written(2.345e-9, "1.5e-07"), "2.3e-09");
     assert_eq!(one("+1.50").written(2.0, "+1.50"), "+2.00");
     let exact = |printed: &str, value| Rule::Digits.holds(&one(printed), value, false);
     assert!(exact("283.23", 283.2349) && !exact("283.23", 283.2352) && !exact("283.23", -283.23));
+    assert!(exact("1.0e-4", 9.96e-5) && !exact("1.0e-4", 9.94e-5) && exact("9.9e-5", 9.94e-5));
     let near = |rule: Rule, value, alike| rule.holds(&one("1.00"), value, alike);
     assert!(
         near(Rule::Net, 1.009, false)

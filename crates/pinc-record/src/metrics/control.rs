@@ -349,7 +349,8 @@ pub(crate) mod rows {
         .neutral()
         .row(None),
         of(["kkt_max"; 2], "Largest KKT residual", One, 2, |of| of.kkt_max)
-            .printed("KKT max", |v| format!("{v:.1e}"))
+            // Plans that were not optimized have none.
+            .printed("KKT max", |v| if v.is_finite() { format!("{v:.1e}") } else { "-".to_owned() })
             .neutral(),
         of(["sqp_iterations_mean"; 2], "SQP iterations per step", Count, 3, |of| {
             of.sqp_iterations_mean
