@@ -125,6 +125,7 @@ const CRATES: [(&str, &[&str]); 29] = [
             "pinc-analysis",
             "pinc-batch",
             "pinc-bench",
+            "pinc-chart",
             "pinc-config",
             "pinc-estimate",
             "pinc-export",
