@@ -1,5 +1,5 @@
 @BANNER@
-/* A co-simulation slave of the Functional Mock-up Interface, version 2.0. */
+/* A slave of the Functional Mock-up Interface, version 2.0. */
 #include "pinc_@HEADER@.h"
 
 #include <math.h>
@@ -75,10 +75,10 @@ PINC_EXPORT fmi2Component PINC_FMI(fmi2Instantiate)(fmi2String name, fmi2Type ty
     if ((name == NULL) || (callbacks == NULL) || (callbacks->allocateMemory == NULL)) {
         return NULL;
     }
-    if ((type != fmi2CoSimulation) || (guid == NULL) || (strcmp(guid, PINC_GUID) != 0)) {
+    if ((@OTHER_KIND@) || (guid == NULL) || (strcmp(guid, PINC_GUID) != 0)) {
         if (callbacks->logger != NULL) {
             callbacks->logger(callbacks->componentEnvironment, name, fmi2Error, "error",
-                              "expected co-simulation with the GUID %s", PINC_GUID);
+                              "expected @KINDS@ with the GUID %s", PINC_GUID);
         }
         return NULL;
     }
@@ -218,7 +218,7 @@ PINC_EXPORT fmi2Status PINC_FMI(fmi2DeSerializeFMUstate)(fmi2Component c, const 
     return fmi2OK;
 }
 
-/* ---- What this slave has not ---------------------------------------------------------------- */
+@EXCHANGE@/* ---- What this slave has not ---------------------------------------------------------------- */
 
 PINC_EXPORT fmi2Status PINC_FMI(fmi2SetInteger)(fmi2Component c, const fmi2ValueReference vr[],
                                                 size_t n, const fmi2Integer value[])
