@@ -15,7 +15,8 @@ impl Description<'_> {
         let sources: String =
             self.sources.iter().map(|file| format!("      <File name=\"{file}\"/>\n")).collect();
         let kept = format!(
-            "canGetAndSetFMUstate=\"true\" canSerializeFMUstate=\"true\">\n    \
+            "canNotUseMemoryManagementFunctions=\"true\"\n      canGetAndSetFMUstate=\"true\" \
+             canSerializeFMUstate=\"true\">\n    \
              <SourceFiles>\n{sources}    </SourceFiles>\n  "
         );
         let exchange = match self.exchanges() {

@@ -173,8 +173,8 @@ fn tunables(
     let sides = [
         list(&origin.states, "_low", Role::Tunable, &of_x.low),
         list(&origin.states, "_high", Role::Tunable, &of_x.high),
-        bounded(list(&origin.inputs, "_low", Role::Tunable, &of_u.low), of_u),
-        bounded(list(&origin.inputs, "_high", Role::Tunable, &of_u.high), of_u),
+        sized(list(&origin.inputs, "_low", Role::Tunable, &of_u.low), of_u),
+        sized(list(&origin.inputs, "_high", Role::Tunable, &of_u.high), of_u),
     ];
     let sides: Vec<Real> = sides.into_iter().flatten().collect();
     let bounds: Vec<f64> = sides.iter().map(|side| side.start).collect();
@@ -399,6 +399,7 @@ impl Description<'_> {
             FmiVersion::Two => ["fmi2", "FMI2", "fmi2Component", "FMUstate"],
             FmiVersion::Three => ["fmi3", "FMI3", "fmi3Instance", "FMUState"],
         };
+        t.set("DESERIALIZE", if fmi == "fmi2" { "DeSerialize" } else { "Deserialize" });
         t.set("FMI", fmi).set("FMI_UPPER", upper).set("INSTANCE", instance).set("STATE", state);
         self.set_kinds(&mut t);
         t.set("COMMON", include_str!("../templates/fmu_common.c"));

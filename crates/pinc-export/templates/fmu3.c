@@ -84,11 +84,6 @@ PINC_EXPORT fmi3Instance PINC_FMI(fmi3InstantiateCoSimulation)(
     return instance;
 }
 
-PINC_EXPORT void PINC_FMI(fmi3FreeInstance)(fmi3Instance c)
-{
-    free(c);
-}
-
 PINC_EXPORT fmi3Status PINC_FMI(fmi3EnterInitializationMode)(
     fmi3Instance c, fmi3Boolean toleranceDefined, fmi3Float64 tolerance, fmi3Float64 startTime,
     fmi3Boolean stopTimeDefined, fmi3Float64 stopTime)
@@ -170,39 +165,6 @@ PINC_EXPORT fmi3Status PINC_FMI(fmi3DoStep)(fmi3Instance c, fmi3Float64 from, fm
         return fmi3Error;
     }
     *lastTime = pinc_of(c)->time;
-    return fmi3OK;
-}
-
-PINC_EXPORT fmi3Status PINC_FMI(fmi3GetFMUState)(fmi3Instance c, fmi3FMUState *state)
-{
-    if (*state == NULL) {
-        *state = malloc(sizeof(pinc_slave));
-    }
-    if (*state == NULL) {
-        return fmi3Error;
-    }
-    memcpy(*state, pinc_of(c), sizeof(pinc_slave));
-    return fmi3OK;
-}
-
-PINC_EXPORT fmi3Status PINC_FMI(fmi3FreeFMUState)(fmi3Instance c, fmi3FMUState *state)
-{
-    (void)c;
-    free(*state);
-    *state = NULL;
-    return fmi3OK;
-}
-
-PINC_EXPORT fmi3Status PINC_FMI(fmi3DeserializeFMUState)(fmi3Instance c, const fmi3Byte bytes[],
-                                                         size_t size, fmi3FMUState *state)
-{
-    if (size != sizeof(pinc_slave)) {
-        return fmi3Error;
-    }
-    if (PINC_FMI(fmi3GetFMUState)(c, state) != fmi3OK) {
-        return fmi3Error;
-    }
-    memcpy(*state, bytes, size);
     return fmi3OK;
 }
 
