@@ -249,4 +249,9 @@ impl Model {
     fn casadi<'py>(slf: &Bound<'py, Self>, name: &str) -> PyResult<Bound<'py, PyAny>> {
         slf.py().import("pinc_nmpc._casadi")?.call_method1("function", (slf, name))
     }
+
+    #[doc = doc!("Model.do_mpc")]
+    fn do_mpc<'py>(slf: &Bound<'py, Self>) -> PyResult<Bound<'py, PyAny>> {
+        slf.py().import("pinc_nmpc._casadi")?.call_method1("do_mpc", (slf,))
+    }
 }

@@ -123,6 +123,9 @@ class Model:
     def casadi(self, name: str = "pinc") -> Any:
         """The model as a ``casadi.Function`` of ``(x, u)``, with parameters ``(x, u, p)``, built in
         SX. Needs the package casadi."""
+    def do_mpc(self) -> Any:
+        """The model as a ``do_mpc.model.Model`` in discrete time, set up, with its variables by their
+        names (``T_1`` for ``T[1]``). Needs the package do-mpc."""
 
 @final
 class TrainingProgress:
