@@ -8,7 +8,9 @@ const STUBS: [&str; 2] = ["python/pinc_nmpc/_native.pyi", "../python/pinc_nmpc/_
 
 fn main() {
     let stubs = STUBS.iter().find(|path| Path::new(path).exists()).expect("the stub file");
-    println!("cargo::rerun-if-changed={stubs}");
+    // In full, since files of source distributions have times that say nothing.
+    let path = fs::canonicalize(stubs).expect("the stub file");
+    println!("cargo::rerun-if-changed={}", path.display());
     let text = fs::read_to_string(stubs).expect("the stub file is text");
     let (mut class, mut name, mut arms) = (String::new(), String::new(), String::new());
     let mut lines = text.lines();
