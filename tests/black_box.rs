@@ -259,25 +259,28 @@ fn an_exported_plant_is_a_plant() {
         };
         let names = "variables = { x1 = 'x1', x2 = 'x2', u = 'u' }";
         let starts = "start_variables = { x1 = 'x1_start', x2 = 'x2_start' }";
-        let text = plant(&format!("{names}, {starts}"));
-        let found = parse(&text, &allowed()).unwrap().plant.dyn_plant();
-        let mut found = Simulator::new(&*found as &dyn DynRhs, 1e-9);
-        let mut truth = Simulator::new(&VanDerPol::default(), 1e-12);
-        for (x, u) in [([1.0, 0.0], 0.3), ([-2.0, 1.5], -1.0), ([1.0, 0.0], 0.3)] {
-            let (mut of_fmu, mut expected) = (x, x);
-            found.integrate(&mut of_fmu, &[u], 0.5).unwrap();
-            truth.integrate(&mut expected, &[u], 0.5).unwrap();
-            for (a, b) in of_fmu.iter().zip(&expected) {
-                assert!((a - b).abs() < 1e-8, "{version:?} {x:?}: {a} {b}");
+        for kind in ["co-simulation", "model-exchange"] {
+            let text = plant(&format!("{names}, {starts}, kind = '{kind}'"));
+            let found = parse(&text, &allowed()).unwrap().plant.dyn_plant();
+            let mut found = Simulator::new(&*found as &dyn DynRhs, 1e-9);
+            let mut truth = Simulator::new(&VanDerPol::default(), 1e-12);
+            for (x, u) in [([1.0, 0.0], 0.3), ([-2.0, 1.5], -1.0), ([1.0, 0.0], 0.3)] {
+                let (mut of_fmu, mut expected) = (x, x);
+                found.integrate(&mut of_fmu, &[u], 0.5).unwrap();
+                truth.integrate(&mut expected, &[u], 0.5).unwrap();
+                for (a, b) in of_fmu.iter().zip(&expected) {
+                    assert!((a - b).abs() < 1e-8, "{version:?} {kind} {x:?}: {a} {b}");
+                }
             }
+            let found = iae(&read(&without_net(&text)));
+            assert!(
+                (found / expected - 1.0).abs() < 1e-6,
+                "{version:?} {kind}: {found} {expected}"
+            );
         }
-        let found = iae(&read(&without_net(&text)));
-        assert!((found / expected - 1.0).abs() < 1e-6, "{version:?}: {found} {expected}");
         let parsed = |variables: &str| parse(&plant(variables), &allowed());
         let error = parsed("variables = { x1 = 'height' }").unwrap_err();
         assert!(error.contains("plant.fmu.file") && error.contains("`height`"), "{error}");
-        let error = parsed(&format!("{names}, kind = 'model-exchange'")).unwrap_err();
-        assert!(error.contains("interface"), "{error}");
     }
     let text = config("fmu = { file = 'tests/Cargo.toml', states = ['x'], inputs = ['u'] }");
     let error = parse(&text.replace("MODEL", "black-box"), &allowed()).unwrap_err();
@@ -288,7 +291,7 @@ fn an_exported_plant_is_a_plant() {
 /// loop with the exported plant as plant and as model equals the equation's.
 fn outputs_of_an_fmu_are_controlled() {
     let dir = tempfile::tempdir().unwrap();
-    let config = |plant: &str, model: &str| {
+    let config = |plant: &str, model: &str, kind: &str| {
         format!(
             r#"
 name = "outputs"
@@ -333,24 +336,29 @@ initial_sd = [0.2, 0.2]
                         .to_owned()
                 }
                 _ => format!(
-                    "file = {}\noutputs = [{{ name = \"force\", unit = \"N\" }}]\n\
+                    "file = {}\nkind = \"{kind}\"\noutputs = [{{ name = \"force\", unit = \"N\" }}]\n\
                      start_variables = {{ x = \"x_start\", v = \"v_start\" }}\n",
                     json!(dir.path().join("made/plant.fmu"))
                 ),
             }
         )
     };
-    let read = |plant: &str, model: &str| {
-        Experiment::parse(Path::new("b.toml"), &config(plant, model), &[], &allowed()).unwrap()
+    let read = |plant: &str, model: &str, kind: &str| {
+        let text = config(plant, model, kind);
+        Experiment::parse(Path::new("b.toml"), &text, &[], &allowed()).unwrap()
     };
-    let equation = read("expression", "rk4");
+    let equation = read("expression", "rk4", "");
     let expected = iae(&equation);
     for version in [FmiVersion::Two, FmiVersion::Three] {
         let out = dir.path().join("made");
         export_plant(&equation, Target::Fmu(version), Some("plant"), Some(&out)).unwrap();
-        let of_fmu = read("fmu", "black-box");
-        let found = iae(&of_fmu);
-        assert!((found / expected - 1.0).abs() < 1e-6, "{version:?}: {found} {expected}");
+        // Differences of steps whose substeps adapt are less smooth.
+        for (kind, allowed) in [("co-simulation", 1e-6), ("model-exchange", 1e-5)] {
+            let of_fmu = read("fmu", "black-box", kind);
+            let found = iae(&of_fmu);
+            let off = (found / expected - 1.0).abs();
+            assert!(off < allowed, "{version:?} {kind}: {found} {expected}");
+        }
         std::fs::remove_dir_all(&out).unwrap();
     }
 }

@@ -1,4 +1,5 @@
-"""Checks what `pinc export` writes with the programs that it is for: CasADi, do-mpc, ONNX Runtime, FMPy.
+"""Checks what `pinc export` writes with the programs that it is for: CasADi, do-mpc, ONNX Runtime, FMPy and
+another importer of FMUs.
 
     python3 tests/exports/check.py PINC WORK
 
@@ -23,6 +24,8 @@ import onnxruntime
 from do_mpc.sysid import ONNXConversion
 from fmpy.fmi2 import FMU2Slave
 from fmpy.fmi3 import FMU3Slave
+from fmuloader.fmi2 import Fmi2Slave, Fmi2Type
+from fmuloader.fmi3 import Fmi3Slave
 
 PINC, WORK = Path(sys.argv[1]).resolve(), Path(sys.argv[2]).resolve()
 TOP = Path(__file__).resolve().parents[2]
@@ -406,13 +409,66 @@ def check_loop_of_fmus(model):
     report("FMUs of plant and controller, inputs", worst_u, 1e-7)
 
 
+def check_exchange():
+    """FMPy integrates plants by their derivatives: as they integrate themselves."""
+    for config in (CONFIG, TOP / "configs/gallery/van-de-vusse.toml"):
+        for flags in ([], ["--fmi3"]):
+            out = WORK / "exchange"
+            pinc("export", config, "--plant", "--to", "fmu", *flags, "--name", "plant", "--out", out)
+            check_validity(out / "plant.fmu")
+            kinds = ("CoSimulation", "ModelExchange")
+            options = {"stop_time": 20.0, "output_interval": 0.5, "relative_tolerance": 1e-10}
+            results = [fmpy.simulate_fmu(str(out / "plant.fmu"), fmi_type=kind, **options) for kind in kinds]
+            found, expected = (np.array(result.tolist()) for result in results)
+            off = (np.abs(found - expected) / (1.0 + np.abs(expected))).max()
+            report(f"model exchange, {config.stem} {' '.join(flags)}", off, 1e-6)
+
+
+def check_other_importer():
+    """fmuloader steps plants and controllers as FMPy does. Of FMI 2.0 it loads only what can do model
+    exchange too, which a controller cannot."""
+    for flags in (["--plant"], ["--plant", "--fmi3"], ["--only", "rk4", "--fmi3"]):
+        path = WORK / "other" / "a.fmu"
+        pinc("export", CONFIG, *flags, "--to", "fmu", "--name", "a", "--out", path.parent)
+        slave = Slave(path)
+        if slave.is_two:
+            other = Fmi2Slave(path, model_identifier="a")
+            other.instantiate("a", Fmi2Type.CO_SIMULATION, guid=slave.fmu.guid)
+            other.setup_experiment()
+            get, set = other.get_real, other.set_real
+        else:
+            other = Fmi3Slave(path, model_identifier="a")
+            other.instantiate_co_simulation("a", instantiation_token=slave.fmu.guid)
+            get, set = other.get_float64, other.set_float64
+        slave.begin()
+        other.enter_initialization_mode()
+        other.exit_initialization_mode()
+        given, read = ("u", "x") if "--plant" in flags else ("x", "u")
+        worst, references = 0.0, slave.references(given)
+        for k in range(20):
+            values = np.sin(np.arange(len(references)) + k)
+            slave.set(given, values)
+            set(references, values.tolist())
+            slave.fmu.doStep(k * T, T)
+            other.do_step(k * T, T)
+            found = np.array(get(slave.references(read)))
+            worst = max(worst, np.abs(found - slave.get(read, len(found))).max())
+        slave.close()
+        other.free_instance()
+        report(f"fmuloader, {' '.join(flags)}", worst, 0.0)
+
+
 # Loops without preview, as an FMU has none: a config, and what is changed of it.
 WHOLE_LOOPS = {
-    "oscillator": ("configs/van-der-pol/control.toml", []),
-    "tanks, estimated": ("configs/estimation/tanks.toml", []),
     "hover": ("tests/exports/hover.toml", []),
     "hover, delayed": ("tests/exports/hover.toml", ["control.delay_steps=2"]),
 }
+# All shipped configs whose controllers C can be made of.
+with open(TOP / "docs/tables/ways-out/configs.csv", newline="") as file:
+    for row in csv.DictReader(file):
+        if row["C, FMU"] == "same":
+            path = Path(row["config"].strip("`"))
+            WHOLE_LOOPS[f"{path.parent.name}, {path.stem}"] = (path, [])
 
 
 def check_whole_loops():
@@ -534,6 +590,8 @@ def main():
     check_controller_fmu(model)
     check_loop_of_fmus(model)
     check_fmi3(model)
+    check_exchange()
+    check_other_importer()
     check_whole_loops()
     check_estimating_fmus("ekf")
     check_estimating_fmus("mhe")

@@ -2,6 +2,7 @@
 
 use crate::Name;
 use crate::fmu::{Description, guid};
+use crate::fmu_variables::Role;
 use crate::origin::{Origin, attribute};
 use crate::template::constant;
 use std::collections::BTreeSet;
@@ -13,13 +14,23 @@ impl Description<'_> {
         let name = name.as_str();
         let sources: String =
             self.sources.iter().map(|file| format!("      <File name=\"{file}\"/>\n")).collect();
+        let kept = format!(
+            "canNotUseMemoryManagementFunctions=\"true\"\n      canGetAndSetFMUstate=\"true\" \
+             canSerializeFMUstate=\"true\">\n    \
+             <SourceFiles>\n{sources}    </SourceFiles>\n  "
+        );
+        let exchange = match self.exchanges() {
+            true => {
+                format!("  <ModelExchange modelIdentifier=\"{name}\" {kept}</ModelExchange>\n")
+            }
+            false => String::new(),
+        };
         format!(
             "<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n<fmiModelDescription fmiVersion=\"2.0\" \
              modelName=\"{name}\"{} guid=\"{}\"\n    generationTool=\"pinc {}\" \
-             variableNamingConvention=\"structured\">\n  <CoSimulation modelIdentifier=\"{name}\" \
-             canHandleVariableCommunicationStepSize=\"{}\"\n      canGetAndSetFMUstate=\"true\" \
-             canSerializeFMUstate=\"true\">\n    <SourceFiles>\n{sources}    </SourceFiles>\n  \
-             </CoSimulation>\n{}{}  <DefaultExperiment startTime=\"0\" stepSize=\"{}\"/>\n  \
+             variableNamingConvention=\"structured\">\n{exchange}  <CoSimulation \
+             modelIdentifier=\"{name}\" canHandleVariableCommunicationStepSize=\"{}\"\n      \
+             {kept}</CoSimulation>\n{}{}  <DefaultExperiment startTime=\"0\" stepSize=\"{}\"/>\n  \
              <ModelVariables>\n{}  </ModelVariables>\n{}</fmiModelDescription>\n",
             self.description(),
             guid(origin),
@@ -60,10 +71,14 @@ impl Description<'_> {
         let mut text = String::new();
         for (i, variable) in self.variables.iter().enumerate() {
             let kind = variable.role.attributes(self.sampled);
+            let of = match variable.role {
+                Role::Derivative(state) => format!(" derivative=\"{}\"", state + 1),
+                _ => String::new(),
+            };
             let _ = writeln!(
                 text,
                 "    <ScalarVariable name=\"{}\" valueReference=\"{i}\"{} {kind}>\n      \
-                 <Real{}/>\n    </ScalarVariable>",
+                 <Real{}{of}/>\n    </ScalarVariable>",
                 attribute(&variable.name),
                 described(variable.description),
                 variable.attributes(),
@@ -89,9 +104,16 @@ impl Description<'_> {
         };
         let [always, first] =
             self.dependencies().map(|of| of.into_iter().map(row).collect::<String>());
+        // Of any state and input.
+        let free = self.derivatives().map(|place| format!("      <Unknown index=\"{place}\"/>\n"));
+        let free: String = free.collect();
+        let derivatives = match self.exchanges() {
+            true => format!("    <Derivatives>\n{free}    </Derivatives>\n"),
+            false => String::new(),
+        };
         format!(
-            "  <ModelStructure>\n    <Outputs>\n{always}    </Outputs>\n    \
-             <InitialUnknowns>\n{first}    </InitialUnknowns>\n  </ModelStructure>\n"
+            "  <ModelStructure>\n    <Outputs>\n{always}    </Outputs>\n{derivatives}    \
+             <InitialUnknowns>\n{first}{free}    </InitialUnknowns>\n  </ModelStructure>\n"
         )
     }
 }

@@ -2,7 +2,8 @@
 
 use crate::Name;
 use crate::fmi2::described;
-use crate::fmu::{Description, Real, guid};
+use crate::fmu::{Description, guid};
+use crate::fmu_variables::{Real, Role};
 use crate::origin::{Origin, attribute};
 use crate::template::constant;
 
@@ -24,12 +25,17 @@ impl Description<'_> {
     /// `modelDescription.xml` of FMI 3.0.
     pub(crate) fn xml3(&self, name: &Name, origin: &Origin) -> String {
         let name = name.as_str();
+        let kept = "canGetAndSetFMUState=\"true\" canSerializeFMUState=\"true\"/>\n";
+        let exchange = match self.exchanges() {
+            true => format!("  <ModelExchange modelIdentifier=\"{name}\" {kept}"),
+            false => String::new(),
+        };
         format!(
             "<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n<fmiModelDescription fmiVersion=\"3.0\" \
              modelName=\"{name}\"{}\n    instantiationToken=\"{}\"\n    generationTool=\"pinc {}\" \
-             variableNamingConvention=\"structured\">\n  <CoSimulation modelIdentifier=\"{name}\" \
-             canHandleVariableCommunicationStepSize=\"{}\"\n      canGetAndSetFMUState=\"true\" \
-             canSerializeFMUState=\"true\"/>\n{}{}  <DefaultExperiment startTime=\"0\" \
+             variableNamingConvention=\"structured\">\n{exchange}  <CoSimulation \
+             modelIdentifier=\"{name}\" canHandleVariableCommunicationStepSize=\"{}\"\n      \
+             {kept}{}{}  <DefaultExperiment startTime=\"0\" \
              stepSize=\"{}\"/>\n  <ModelVariables>\n    <Float64 name=\"time\" \
              valueReference=\"0\" causality=\"independent\" variability=\"continuous\"/>\n{}  \
              </ModelVariables>\n{}</fmiModelDescription>\n",
@@ -53,7 +59,10 @@ impl Description<'_> {
 
     fn variables3(&self) -> String {
         let variable = |(i, of): (usize, &Real)| {
-            let kind = of.role.attributes(self.sampled);
+            let mut kind = of.role.attributes(self.sampled);
+            if let Role::Derivative(state) = of.role {
+                kind += &format!(" derivative=\"{}\"", state + 1);
+            }
             format!(
                 "    <Float64 name=\"{}\" valueReference=\"{}\"{} {kind}{}/>\n",
                 attribute(&of.name),
@@ -84,6 +93,12 @@ impl Description<'_> {
         };
         let [always, first] = self.dependencies();
         let (outputs, unknowns) = (list("Output", &always), list("InitialUnknown", &first));
-        format!("  <ModelStructure>\n{outputs}{unknowns}  </ModelStructure>\n")
+        // Of any state and input.
+        let free = |tag: &str| -> String {
+            let row = |place| format!("    <{tag} valueReference=\"{place}\"/>\n");
+            self.derivatives().map(row).collect()
+        };
+        let (derivatives, more) = (free("ContinuousStateDerivative"), free("InitialUnknown"));
+        format!("  <ModelStructure>\n{outputs}{derivatives}{unknowns}{more}  </ModelStructure>\n")
     }
 }

@@ -1,6 +1,7 @@
-//! Nets, plants and controllers as co-simulation slaves.
+//! Nets, plants and controllers as functional mock-up units.
 
 use crate::controller::Controller;
+use crate::fmu_variables::{Real, Role, bounded, derivatives, list, sized};
 use crate::mpc_c::controller_sources;
 use crate::net_c::{check_member, has_time, net_core, places};
 use crate::open::Open;
@@ -172,8 +173,8 @@ fn tunables(
     let sides = [
         list(&origin.states, "_low", Role::Tunable, &of_x.low),
         list(&origin.states, "_high", Role::Tunable, &of_x.high),
-        bounded(list(&origin.inputs, "_low", Role::Tunable, &of_u.low), of_u),
-        bounded(list(&origin.inputs, "_high", Role::Tunable, &of_u.high), of_u),
+        sized(list(&origin.inputs, "_low", Role::Tunable, &of_u.low), of_u),
+        sized(list(&origin.inputs, "_high", Role::Tunable, &of_u.high), of_u),
     ];
     let sides: Vec<Real> = sides.into_iter().flatten().collect();
     let bounds: Vec<f64> = sides.iter().map(|side| side.start).collect();
@@ -208,7 +209,8 @@ fn budget_note(controller: &Controller<'_>) -> Option<String> {
 
 /// A plant by its equations as the content of an FMU, integrated accurately: what a controller can
 /// be tried on. Its variables are as in [`net_to_fmu`], with the plant's outputs that are no states
-/// as outputs; it starts in `initial_state`.
+/// as outputs; it starts in `initial_state`. It serves for model exchange too, with the derivatives
+/// `der(<state>)` as local variables.
 ///
 /// # Errors
 ///
@@ -226,6 +228,8 @@ pub fn plant_to_fmu(
         origin.outputs.iter().cloned().enumerate().filter(|(_, output)| is_own(output)).unzip();
     let mut variables = list(states, "", Role::Output, initial_state);
     variables.extend(list(&own, "", Role::Output, &vec![0.0; own.len()]));
+    let first_derivative = variables.len();
+    variables.extend(derivatives(states));
     let first_input = variables.len();
     variables.extend(list(inputs, "", Role::Input, &vec![0.0; inputs.len()]));
     variables.extend(list(states, "_start", Role::Start, initial_state));
@@ -233,15 +237,18 @@ pub fn plant_to_fmu(
     t.set("BANNER", origin.banner("A plant, integrated.", None));
     let method = plant.method.name();
     let mut sources = runge_kutta_core(plant, method, Open::default(), name, origin)?;
-    let (mut header, mut refresh) = (method, "    (void)s;\n".to_owned());
+    let mut header = method;
+    let mut refresh = format!(
+        "    pinc_{method}_derivative(s->reals, s->reals + PINC_INPUTS, s->reals + {first_derivative});\n"
+    );
     if !own.is_empty() {
         let RungeKuttaModel { equations, parameters, .. } = plant;
         let model = (name, method);
         sources.extend(outputs_core(equations, parameters, Open::default(), model, origin)?);
         header = "outputs";
-        refresh =
-            "    double y[PINC_NO];\n    pinc_outputs(s->reals, s->reals + PINC_INPUTS, y);\n"
-                .to_owned();
+        let outputs =
+            "    double y[PINC_NO];\n    pinc_outputs(s->reals, s->reals + PINC_INPUTS, y);\n";
+        refresh.insert_str(0, outputs);
         for (variable, place) in (states.len()..).zip(&places) {
             refresh += &format!("    s->reals[{variable}] = y[{place}];\n");
         }
@@ -310,109 +317,6 @@ fn enumeration(sources: &[GeneratedFile], name: &Name, of: &str) -> Vec<(String,
     body.flat_map(|(_, body)| body.lines()).filter_map(value).collect()
 }
 
-/// What a variable is for.
-#[derive(Clone, Copy, PartialEq, Eq)]
-pub(crate) enum Role {
-    Output,
-    Input,
-    Start,
-    Tunable,
-}
-
-impl Role {
-    /// Its attributes in both versions; outputs and inputs are `discrete` where they are sampled.
-    pub(crate) fn attributes(self, sampled: bool) -> String {
-        let own = match self {
-            Self::Output => {
-                let kind = if sampled { "discrete" } else { "continuous" };
-                return format!(
-                    "causality=\"output\" variability=\"{kind}\" initial=\"calculated\""
-                );
-            }
-            Self::Input => "causality=\"input\" variability=\"continuous\"",
-            Self::Start => "causality=\"parameter\" variability=\"fixed\" initial=\"exact\"",
-            Self::Tunable => "causality=\"parameter\" variability=\"tunable\" initial=\"exact\"",
-        };
-        own.to_owned()
-    }
-}
-
-/// A real variable.
-pub(crate) struct Real {
-    pub(crate) name: String,
-    pub(crate) description: &'static str,
-    pub(crate) unit: String,
-    pub(crate) role: Role,
-    pub(crate) start: f64,
-    pub(crate) low: Option<f64>,
-    pub(crate) high: Option<f64>,
-    pub(crate) nominal: Option<f64>,
-}
-
-impl Real {
-    /// Its attributes that both versions write alike.
-    pub(crate) fn attributes(&self) -> String {
-        let number = |key: &str, value: Option<f64>| {
-            value.map_or_else(String::new, |value| format!(" {key}=\"{}\"", constant(value)))
-        };
-        let unit = match &*self.unit {
-            "" => String::new(),
-            unit => format!(" unit=\"{}\"", attribute(unit)),
-        };
-        let start = (self.role != Role::Output).then_some(self.start);
-        [
-            unit,
-            number("min", self.low),
-            number("max", self.high),
-            number("nominal", self.nominal),
-            number("start", start),
-        ]
-        .concat()
-    }
-}
-
-/// Variables by their names with this ending.
-fn list(variables: &[Variable], ending: &'static str, role: Role, starts: &[f64]) -> Vec<Real> {
-    let real = |(variable, &start): (&Variable, &f64)| Real {
-        name: format!("{}{ending}", variable.name),
-        description: match ending {
-            "_start" => "value at the start",
-            "_ref" => "reference, held over the horizon",
-            "_estimate" => "estimate",
-            "_q" => "weight of the distance from the reference",
-            "_r" => "weight of the change in a step",
-            "_low" => "lower bound",
-            "_high" => "upper bound",
-            _ => "",
-        },
-        unit: variable.unit.to_string(),
-        role,
-        start,
-        low: None,
-        high: None,
-        nominal: None,
-    };
-    variables.iter().zip(starts).map(real).collect()
-}
-
-/// The variables with the sizes that follow from bounds on both sides.
-fn sized(mut variables: Vec<Real>, bounds: &Bounds) -> Vec<Real> {
-    for (of, (low, high)) in variables.iter_mut().zip(bounds.low.iter().zip(&bounds.high)) {
-        of.nominal = Some(low.abs().max(high.abs())).filter(|size| *size > 0.0 && size.is_finite());
-    }
-    variables
-}
-
-/// The variables with their sizes and bounds.
-fn bounded(variables: Vec<Real>, bounds: &Bounds) -> Vec<Real> {
-    let mut variables = sized(variables, bounds);
-    for (of, (low, high)) in variables.iter_mut().zip(bounds.low.iter().zip(&bounds.high)) {
-        (of.low, of.high) =
-            (Some(*low).filter(|v| v.is_finite()), Some(*high).filter(|v| v.is_finite()));
-    }
-    variables
-}
-
 /// What `modelDescription.xml` is made of.
 pub(crate) struct Description<'a> {
     pub(crate) variables: &'a [Real],
@@ -462,7 +366,11 @@ impl Description<'_> {
             (join(&of(Role::Input)), [of(Role::Start), of(Role::Tunable)].concat());
         let all_starts = join(&starts);
         let own_start = |at: usize| starts.get(at).filter(|_| at < self.from_starts);
-        let always = |at: usize| if at < self.from_starts { String::new() } else { inputs.clone() };
+        // For model exchange states are known too.
+        let states = if self.exchanges() { self.from_starts } else { 0 };
+        let known = |at: usize| if at < states { (at + 1).to_string() } else { String::new() };
+        let all = [&join(&(1..=states).collect::<Vec<_>>()), &*inputs].join(" ").trim().to_owned();
+        let always = |at: usize| if at < self.from_starts { known(at) } else { all.clone() };
         let first = |at: usize| match own_start(at) {
             Some(start) => start.to_string(),
             None => format!("{inputs} {all_starts}"),
@@ -491,7 +399,9 @@ impl Description<'_> {
             FmiVersion::Two => ["fmi2", "FMI2", "fmi2Component", "FMUstate"],
             FmiVersion::Three => ["fmi3", "FMI3", "fmi3Instance", "FMUState"],
         };
+        t.set("DESERIALIZE", if fmi == "fmi2" { "DeSerialize" } else { "Deserialize" });
         t.set("FMI", fmi).set("FMI_UPPER", upper).set("INSTANCE", instance).set("STATE", state);
+        self.set_kinds(&mut t);
         t.set("COMMON", include_str!("../templates/fmu_common.c"));
         t.set("MODEL_PART", include_str!("../templates/fmu_model.c"));
         let slave = match self.version {
@@ -516,6 +426,38 @@ impl Description<'_> {
         };
         files.extend(sources.into_iter().chain([slave]).map(below));
         Ok(files)
+    }
+
+    /// Whether the unit serves for model exchange too: a plant does.
+    pub(crate) fn exchanges(&self) -> bool {
+        self.derivatives().next().is_some()
+    }
+
+    /// The places of the derivatives, counted from 1.
+    pub(crate) fn derivatives(&self) -> impl Iterator<Item = usize> {
+        let is_one = |(_, v): &(usize, &Real)| matches!(v.role, Role::Derivative(_));
+        self.variables.iter().enumerate().filter(is_one).map(|(i, _)| i + 1)
+    }
+
+    /// The functions of model exchange, or of units without it.
+    fn set_kinds(&self, t: &mut Template) {
+        let (two, three) = (self.version == FmiVersion::Two, self.version == FmiVersion::Three);
+        t.set("DERIVATIVES", if two { "Derivatives" } else { "ContinuousStateDerivatives" });
+        let [mut kinds, mut other] = ["co-simulation", "type != fmi2CoSimulation"];
+        let (mut exchange, mut none) = (String::new(), "");
+        if self.exchanges() {
+            kinds = "co-simulation or model exchange";
+            other = "(type != fmi2CoSimulation) && (type != fmi2ModelExchange)";
+            exchange = include_str!("../templates/fmu_exchange.c").to_owned();
+            exchange += match self.version {
+                FmiVersion::Two => include_str!("../templates/fmu2_exchange.c"),
+                FmiVersion::Three => include_str!("../templates/fmu3_exchange.c"),
+            };
+        } else if three {
+            none = include_str!("../templates/fmu3_no_exchange.c");
+        }
+        t.set("KINDS", kinds).set("OTHER_KIND", other);
+        t.set("EXCHANGE", exchange).set("NO_EXCHANGE", none);
     }
 
     /// Refuses two variables of one name.

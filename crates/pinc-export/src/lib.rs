@@ -22,6 +22,7 @@ mod feedback_c;
 mod fmi2;
 mod fmi3;
 mod fmu;
+mod fmu_variables;
 mod golden;
 mod guard_c;
 mod lanes_c;

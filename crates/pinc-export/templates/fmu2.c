@@ -1,9 +1,10 @@
 @BANNER@
-/* A co-simulation slave of the Functional Mock-up Interface, version 2.0. */
+/* A slave of the Functional Mock-up Interface, version 2.0. */
 #include "pinc_@HEADER@.h"
 
 #include <math.h>
 #include <stddef.h>
+#include <stdlib.h>
 #include <string.h>
 
 /* ---- The interface, as far as it is needed -------------------------------------------------- */
@@ -72,30 +73,22 @@ PINC_EXPORT fmi2Component PINC_FMI(fmi2Instantiate)(fmi2String name, fmi2Type ty
     (void)resources;
     (void)visible;
     (void)logging;
-    if ((name == NULL) || (callbacks == NULL) || (callbacks->allocateMemory == NULL)) {
+    if ((name == NULL) || (callbacks == NULL)) {
         return NULL;
     }
-    if ((type != fmi2CoSimulation) || (guid == NULL) || (strcmp(guid, PINC_GUID) != 0)) {
+    if ((@OTHER_KIND@) || (guid == NULL) || (strcmp(guid, PINC_GUID) != 0)) {
         if (callbacks->logger != NULL) {
             callbacks->logger(callbacks->componentEnvironment, name, fmi2Error, "error",
-                              "expected co-simulation with the GUID %s", PINC_GUID);
+                              "expected @KINDS@ with the GUID %s", PINC_GUID);
         }
         return NULL;
     }
-    instance = (pinc_instance *)callbacks->allocateMemory(1, sizeof(pinc_instance));
+    instance = (pinc_instance *)calloc(1, sizeof(pinc_instance));
     if (instance != NULL) {
         instance->callbacks = *callbacks;
         pinc_set_defaults(&instance->slave);
     }
     return instance;
-}
-
-PINC_EXPORT void PINC_FMI(fmi2FreeInstance)(fmi2Component c)
-{
-    pinc_instance *instance = (pinc_instance *)c;
-    if ((instance != NULL) && (instance->callbacks.freeMemory != NULL)) {
-        instance->callbacks.freeMemory(instance);
-    }
 }
 
 PINC_EXPORT fmi2Status PINC_FMI(fmi2SetupExperiment)(fmi2Component c, fmi2Boolean toleranceDefined,
@@ -178,47 +171,7 @@ PINC_EXPORT fmi2Status PINC_FMI(fmi2DoStep)(fmi2Component c, fmi2Real from, fmi2
     return fmi2Error;
 }
 
-PINC_EXPORT fmi2Status PINC_FMI(fmi2GetFMUstate)(fmi2Component c, fmi2FMUstate *state)
-{
-    pinc_instance *instance = (pinc_instance *)c;
-    if (*state == NULL) {
-        *state = instance->callbacks.allocateMemory(1, sizeof(pinc_slave));
-    }
-    if (*state == NULL) {
-        return fmi2Error;
-    }
-    memcpy(*state, &instance->slave, sizeof(pinc_slave));
-    return fmi2OK;
-}
-
-PINC_EXPORT fmi2Status PINC_FMI(fmi2FreeFMUstate)(fmi2Component c, fmi2FMUstate *state)
-{
-    pinc_instance *instance = (pinc_instance *)c;
-    if ((*state != NULL) && (instance->callbacks.freeMemory != NULL)) {
-        instance->callbacks.freeMemory(*state);
-    }
-    *state = NULL;
-    return fmi2OK;
-}
-
-PINC_EXPORT fmi2Status PINC_FMI(fmi2DeSerializeFMUstate)(fmi2Component c, const fmi2Byte bytes[],
-                                                         size_t size, fmi2FMUstate *state)
-{
-    pinc_instance *instance = (pinc_instance *)c;
-    if (size != sizeof(pinc_slave)) {
-        return fmi2Error;
-    }
-    if (*state == NULL) {
-        *state = instance->callbacks.allocateMemory(1, sizeof(pinc_slave));
-    }
-    if (*state == NULL) {
-        return fmi2Error;
-    }
-    memcpy(*state, bytes, size);
-    return fmi2OK;
-}
-
-/* ---- What this slave has not ---------------------------------------------------------------- */
+@EXCHANGE@/* ---- What this slave has not ---------------------------------------------------------------- */
 
 PINC_EXPORT fmi2Status PINC_FMI(fmi2SetInteger)(fmi2Component c, const fmi2ValueReference vr[],
                                                 size_t n, const fmi2Integer value[])

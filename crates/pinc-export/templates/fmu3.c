@@ -1,5 +1,5 @@
 @BANNER@
-/* A co-simulation slave of the Functional Mock-up Interface, version 3.0. */
+/* A slave of the Functional Mock-up Interface, version 3.0. */
 #include "pinc_@HEADER@.h"
 
 #include <math.h>
@@ -82,11 +82,6 @@ PINC_EXPORT fmi3Instance PINC_FMI(fmi3InstantiateCoSimulation)(
         pinc_set_defaults(&instance->slave);
     }
     return instance;
-}
-
-PINC_EXPORT void PINC_FMI(fmi3FreeInstance)(fmi3Instance c)
-{
-    free(c);
 }
 
 PINC_EXPORT fmi3Status PINC_FMI(fmi3EnterInitializationMode)(
@@ -173,54 +168,7 @@ PINC_EXPORT fmi3Status PINC_FMI(fmi3DoStep)(fmi3Instance c, fmi3Float64 from, fm
     return fmi3OK;
 }
 
-PINC_EXPORT fmi3Status PINC_FMI(fmi3GetFMUState)(fmi3Instance c, fmi3FMUState *state)
-{
-    if (*state == NULL) {
-        *state = malloc(sizeof(pinc_slave));
-    }
-    if (*state == NULL) {
-        return fmi3Error;
-    }
-    memcpy(*state, pinc_of(c), sizeof(pinc_slave));
-    return fmi3OK;
-}
-
-PINC_EXPORT fmi3Status PINC_FMI(fmi3FreeFMUState)(fmi3Instance c, fmi3FMUState *state)
-{
-    (void)c;
-    free(*state);
-    *state = NULL;
-    return fmi3OK;
-}
-
-PINC_EXPORT fmi3Status PINC_FMI(fmi3DeserializeFMUState)(fmi3Instance c, const fmi3Byte bytes[],
-                                                         size_t size, fmi3FMUState *state)
-{
-    if (size != sizeof(pinc_slave)) {
-        return fmi3Error;
-    }
-    if (PINC_FMI(fmi3GetFMUState)(c, state) != fmi3OK) {
-        return fmi3Error;
-    }
-    memcpy(*state, bytes, size);
-    return fmi3OK;
-}
-
-/* ---- What this slave has not ---------------------------------------------------------------- */
-
-PINC_EXPORT fmi3Instance PINC_FMI(fmi3InstantiateModelExchange)(
-    fmi3String name, fmi3String token, fmi3String resources, fmi3Boolean visible,
-    fmi3Boolean logging, fmi3InstanceEnvironment environment, fmi3LogMessageCallback log)
-{
-    (void)name;
-    (void)token;
-    (void)resources;
-    (void)visible;
-    (void)logging;
-    (void)environment;
-    (void)log;
-    return NULL;
-}
+@EXCHANGE@/* ---- What this slave has not ---------------------------------------------------------------- */
 
 PINC_EXPORT fmi3Instance PINC_FMI(fmi3InstantiateScheduledExecution)(
     fmi3String name, fmi3String token, fmi3String resources, fmi3Boolean visible,
@@ -294,23 +242,10 @@ PINC_ABSENT(fmi3SetBinary, fmi3Instance c, const fmi3ValueReference vr[], size_t
 PINC_ABSENT(fmi3GetClock, fmi3Instance c, const fmi3ValueReference vr[], size_t n, bool values[])
 PINC_ABSENT(fmi3SetClock, fmi3Instance c, const fmi3ValueReference vr[], size_t n,
             const bool values[])
-PINC_ABSENT(fmi3EnterEventMode, fmi3Instance c)
-PINC_ABSENT(fmi3EnterStepMode, fmi3Instance c)
+@NO_EXCHANGE@PINC_ABSENT(fmi3EnterStepMode, fmi3Instance c)
 PINC_ABSENT(fmi3EnterConfigurationMode, fmi3Instance c)
 PINC_ABSENT(fmi3ExitConfigurationMode, fmi3Instance c)
-PINC_ABSENT(fmi3EnterContinuousTimeMode, fmi3Instance c)
 PINC_ABSENT(fmi3EvaluateDiscreteStates, fmi3Instance c)
-PINC_ABSENT(fmi3UpdateDiscreteStates, fmi3Instance c, bool *discrete, bool *terminate,
-            bool *nominals, bool *values, bool *defined, double *next)
-PINC_ABSENT(fmi3CompletedIntegratorStep, fmi3Instance c, bool noSet, bool *enter, bool *terminate)
-PINC_ABSENT(fmi3SetTime, fmi3Instance c, double time)
-PINC_ABSENT(fmi3SetContinuousStates, fmi3Instance c, const double states[], size_t n)
-PINC_ABSENT(fmi3GetContinuousStates, fmi3Instance c, double states[], size_t n)
-PINC_ABSENT(fmi3GetContinuousStateDerivatives, fmi3Instance c, double derivatives[], size_t n)
-PINC_ABSENT(fmi3GetNominalsOfContinuousStates, fmi3Instance c, double nominals[], size_t n)
-PINC_ABSENT(fmi3GetNumberOfContinuousStates, fmi3Instance c, size_t *n)
-PINC_ABSENT(fmi3GetNumberOfEventIndicators, fmi3Instance c, size_t *n)
-PINC_ABSENT(fmi3GetEventIndicators, fmi3Instance c, double indicators[], size_t n)
 PINC_ABSENT(fmi3GetNumberOfVariableDependencies, fmi3Instance c, fmi3ValueReference vr, size_t *n)
 PINC_ABSENT(fmi3GetVariableDependencies, fmi3Instance c, fmi3ValueReference vr, size_t elements[],
             fmi3ValueReference independents[], size_t places[], int kinds[], size_t n)

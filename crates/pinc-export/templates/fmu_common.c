@@ -53,3 +53,42 @@ PINC_EXPORT @FMI@Status PINC_FMI(@FMI@Serialize@STATE@)(@INSTANCE@ c, @FMI@@STAT
     memcpy(bytes, state, size);
     return @FMI@OK;
 }
+
+PINC_EXPORT @FMI@Status PINC_FMI(@FMI@Get@STATE@)(@INSTANCE@ c, @FMI@@STATE@ *state)
+{
+    if (*state == NULL) {
+        *state = malloc(sizeof(pinc_slave));
+    }
+    if (*state == NULL) {
+        return @FMI@Error;
+    }
+    memcpy(*state, pinc_of(c), sizeof(pinc_slave));
+    return @FMI@OK;
+}
+
+PINC_EXPORT @FMI@Status PINC_FMI(@FMI@Free@STATE@)(@INSTANCE@ c, @FMI@@STATE@ *state)
+{
+    (void)c;
+    free(*state);
+    *state = NULL;
+    return @FMI@OK;
+}
+
+PINC_EXPORT @FMI@Status PINC_FMI(@FMI@@DESERIALIZE@@STATE@)(@INSTANCE@ c, const @FMI@Byte bytes[],
+                                                         size_t size, @FMI@@STATE@ *state)
+{
+    if (size != sizeof(pinc_slave)) {
+        return @FMI@Error;
+    }
+    if (PINC_FMI(@FMI@Get@STATE@)(c, state) != @FMI@OK) {
+        return @FMI@Error;
+    }
+    memcpy(*state, bytes, size);
+    return @FMI@OK;
+}
+
+PINC_EXPORT void PINC_FMI(@FMI@FreeInstance)(@INSTANCE@ c)
+{
+    free(c);
+}
+

@@ -1,4 +1,4 @@
-/* Value references: states, then outputs that are no states, inputs, and initial states. */
+/* Value references: states, then outputs that are no states, derivatives, inputs, and initial states. */
 #define PINC_INPUTS @INPUTS@
 
 /* The longest substep, in s. */

@@ -314,6 +314,15 @@ fn lag(time_limit: Duration) -> FmuPlant {
 }
 
 #[test]
+fn an_interface_that_there_is_not_is_refused() {
+    let dir = tempfile::tempdir().unwrap();
+    let path = archived(dir.path(), &[("modelDescription.xml", LAG.as_bytes())]);
+    let asked = FmuPlant { kind: Some(FmuKind::ModelExchange), ..lag(Duration::from_secs(1)) };
+    let error = Fmu::open(&path, &asked).unwrap_err();
+    assert!(error.contains("it has not the interface"), "{error}");
+}
+
+#[test]
 fn a_step_that_does_not_end_is_an_error_and_so_are_those_after_it() {
     let dir = tempfile::tempdir().unwrap();
     let path = compiled("lag.c", dir.path(), 2, LAG);

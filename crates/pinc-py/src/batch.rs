@@ -12,7 +12,7 @@ use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
-/// The controller of a config for many states at once, on all cores.
+#[doc = doc!("NmpcBatch")]
 #[pyclass(module = "pinc_nmpc", frozen)]
 #[derive(Debug)]
 pub(crate) struct NmpcBatch {
@@ -21,49 +21,49 @@ pub(crate) struct NmpcBatch {
     threads: usize,
 }
 
-/// What came of many control steps.
+#[doc = doc!("StepBatch")]
 #[pyclass(module = "pinc_nmpc", frozen, get_all)]
 #[derive(Debug)]
 pub(crate) struct StepBatch {
-    /// The inputs to apply.
+    #[doc = doc!("StepBatch.u")]
     u: Py<PyArrayDyn<f64>>,
-    /// The planned inputs.
+    #[doc = doc!("StepBatch.inputs")]
     inputs: Py<PyArrayDyn<f64>>,
-    /// How the optimizations ended.
+    #[doc = doc!("StepBatch.status")]
     status: Vec<String>,
-    /// How many quadratic programs were solved.
+    #[doc = doc!("StepBatch.sqp_iterations")]
     sqp_iterations: Vec<usize>,
-    /// The KKT residuals.
+    #[doc = doc!("StepBatch.kkt")]
     kkt: Py<PyArrayDyn<f64>>,
 }
 
-/// What came of many control steps, with gradients.
+#[doc = doc!("GradientBatch")]
 #[pyclass(module = "pinc_nmpc", frozen, get_all)]
 #[derive(Debug)]
 pub(crate) struct GradientBatch {
-    /// The steps.
+    #[doc = doc!("GradientBatch.steps")]
     steps: Py<StepBatch>,
-    /// Whether the plans are differentiable.
+    #[doc = doc!("GradientBatch.regularity")]
     regularity: Vec<String>,
-    /// An array per kind of number.
+    #[doc = doc!("GradientBatch.values")]
     values: Py<PyDict>,
 }
 
-/// What came of many closed loops.
+#[doc = doc!("LoopBatch")]
 #[pyclass(module = "pinc_nmpc", frozen, get_all)]
 #[derive(Debug)]
 pub(crate) struct LoopBatch {
-    /// The states at the control steps.
+    #[doc = doc!("LoopBatch.states")]
     states: Py<PyArrayDyn<f64>>,
-    /// The inputs.
+    #[doc = doc!("LoopBatch.inputs")]
     inputs: Py<PyArrayDyn<f64>>,
-    /// How the optimizations ended.
+    #[doc = doc!("LoopBatch.status")]
     status: Vec<Vec<String>>,
-    /// The tracking errors.
+    #[doc = doc!("LoopBatch.iae")]
     iae: Py<PyArrayDyn<f64>>,
-    /// By how much bounds were violated.
+    #[doc = doc!("LoopBatch.max_violation")]
     max_violation: Py<PyArrayDyn<f64>>,
-    /// Why loops ended early.
+    #[doc = doc!("LoopBatch.error")]
     error: Vec<Option<String>>,
 }
 
@@ -158,7 +158,7 @@ impl NmpcBatch {
         Ok((make, (of.origin.parts(), of.threads).into_pyobject(py)?))
     }
 
-    /// Takes control steps, each afresh.
+    #[doc = doc!("NmpcBatch.steps")]
     #[pyo3(signature = (x, reference, u_before=None, parameters=None))]
     fn steps(
         &self,
@@ -173,7 +173,7 @@ impl NmpcBatch {
         step_batch(py, steps.map_err(of_mpc)?, given.steps)
     }
 
-    /// Takes control steps with gradients of functions of the plans' inputs.
+    #[doc = doc!("NmpcBatch.gradients")]
     #[pyo3(signature = (x, reference, by_inputs, u_before=None, parameters=None, smoothing=None))]
     #[expect(clippy::too_many_arguments, reason = "the arguments of a step, by name in Python")]
     fn gradients(
@@ -206,7 +206,7 @@ impl NmpcBatch {
         })
     }
 
-    /// Runs closed loops with the config's plant.
+    #[doc = doc!("NmpcBatch.loops")]
     #[pyo3(signature = (x, references, u_before=None))]
     fn loops(
         &self,
@@ -244,31 +244,31 @@ impl NmpcBatch {
         loop_batch(py, &traces, [steps, dims.nx, dims.nu])
     }
 
-    /// Names of the states.
+    #[doc = doc!("NmpcBatch.states")]
     #[getter]
     fn states(&self) -> Vec<String> {
         self.lock().variables().state_names()
     }
 
-    /// Names of the inputs.
+    #[doc = doc!("NmpcBatch.inputs")]
     #[getter]
     fn inputs(&self) -> Vec<String> {
         self.lock().variables().input_names()
     }
 
-    /// Names of what is controlled: the columns of a reference.
+    #[doc = doc!("NmpcBatch.controlled")]
     #[getter]
     fn controlled(&self) -> Vec<String> {
         self.lock().spec().controlled.clone()
     }
 
-    /// N2, the number of steps ahead.
+    #[doc = doc!("NmpcBatch.horizon")]
     #[getter]
     fn horizon(&self) -> usize {
         self.lock().spec().n2
     }
 
-    /// Length T of a step in s.
+    #[doc = doc!("NmpcBatch.sample_time_s")]
     #[getter]
     fn sample_time_s(&self) -> f64 {
         self.lock().batch().nmpc().model().sample_time_s()

@@ -10,7 +10,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 /// Whether configs may start programs.
 static PROCESSES: AtomicBool = AtomicBool::new(false);
 
-/// Lets the plant of a config be a program or an FMU from now on, which runs with your rights.
+#[doc = doc!("allow_processes")]
 #[pyfunction]
 pub(crate) fn allow_processes() {
     PROCESSES.store(true, Ordering::Relaxed);
@@ -92,7 +92,7 @@ pub(crate) fn experiment(
     Source::of(config, overrides)?.experiment()
 }
 
-/// The config with all values spelled out, as TOML.
+#[doc = doc!("resolved")]
 #[pyfunction]
 #[pyo3(signature = (config, overrides=None))]
 pub(crate) fn resolved(

@@ -15,7 +15,7 @@ use pyo3::types::{PyDict, PyTuple};
 use std::path::PathBuf;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
-/// The controller of a config, with its estimator if the config has one.
+#[doc = doc!("Nmpc")]
 #[pyclass(module = "pinc_nmpc", frozen)]
 #[derive(Debug)]
 pub(crate) struct Nmpc {
@@ -80,35 +80,35 @@ impl Nmpc {
     }
 }
 
-/// What came of a control step.
+#[doc = doc!("ControlStep")]
 #[pyclass(module = "pinc_nmpc", frozen, get_all)]
 #[derive(Debug)]
 pub(crate) struct ControlStep {
-    /// The input to apply.
+    #[doc = doc!("ControlStep.u")]
     u: Py<PyArrayDyn<f64>>,
-    /// How the optimization ended.
+    #[doc = doc!("ControlStep.status")]
     status: String,
-    /// The state that the controller took the plant to be in.
+    #[doc = doc!("ControlStep.x")]
     x: Py<PyArrayDyn<f64>>,
-    /// The estimated disturbances and parameters.
+    #[doc = doc!("ControlStep.unknowns")]
     unknowns: Py<PyArrayDyn<f64>>,
-    /// How the estimator's correction ended, or None.
+    #[doc = doc!("ControlStep.estimator")]
     estimator: Option<String>,
-    /// How many quadratic programs were solved.
+    #[doc = doc!("ControlStep.sqp_iterations")]
     sqp_iterations: usize,
-    /// The KKT residual that the optimization ended with.
+    #[doc = doc!("ControlStep.kkt")]
     kkt: f64,
-    /// The plan's cost with `control.cost`, or None.
+    #[doc = doc!("ControlStep.cost")]
     cost: Option<f64>,
-    /// Whether negative curvature was dropped.
+    #[doc = doc!("ControlStep.curvature_dropped")]
     curvature_dropped: bool,
-    /// From which of `sqp.starts` the plan was found, or None in a step that did not try several.
+    #[doc = doc!("ControlStep.start")]
     start: Option<usize>,
-    /// How long the step took, in us.
+    #[doc = doc!("ControlStep.step_us")]
     step_us: f64,
-    /// Whether the net was trusted in the plan's first step, or None without a tolerance.
+    #[doc = doc!("ControlStep.trust")]
     trust: Option<String>,
-    /// The estimated error of the net in that step; empty without a tolerance.
+    #[doc = doc!("ControlStep.model_error")]
     model_error: Py<PyArrayDyn<f64>>,
 }
 
@@ -226,7 +226,7 @@ impl Nmpc {
         Ok((make, (of.origin.parts(), of.state()).into_pyobject(py)?))
     }
 
-    /// Chooses the input for a plant of which y was measured.
+    #[doc = doc!("Nmpc.step")]
     #[pyo3(signature = (y, reference=None, u_applied=None, parameters=None, budget_us=None))]
     fn step(
         &self,
@@ -261,7 +261,7 @@ impl Nmpc {
         taken.map_err(|error| of_run(&error))?.into_step(py)
     }
 
-    /// The gradient of a function of the last plan in all that its problem is given.
+    #[doc = doc!("Nmpc.adjoint")]
     #[pyo3(signature = (by_inputs=None, by_states=None, smoothing=None))]
     fn adjoint(
         &self,
@@ -278,7 +278,7 @@ impl Nmpc {
         PlanGradient::new(py, sensitivity.regularity(), &gradient)
     }
 
-    /// By how much the last plan changes with what its problem is given.
+    #[doc = doc!("Nmpc.sensitivity")]
     #[pyo3(signature = (change, smoothing=None))]
     fn sensitivity(
         &self,
@@ -296,23 +296,23 @@ impl Nmpc {
         PlanChange::new(py, sensitivity.regularity(), parts)
     }
 
-    /// Forgets everything: the next step is again the first.
+    #[doc = doc!("Nmpc.reset")]
     fn reset(&self) -> PyResult<()> {
         self.lock().reset().map_err(|error| of_run(&error))
     }
 
-    /// What the next step starts from, as JSON.
+    #[doc = doc!("Nmpc.state")]
     fn state(&self) -> String {
         self.lock().state().to_json()
     }
 
-    /// Goes on from the state of another controller of the same config.
+    #[doc = doc!("Nmpc.set_state")]
     fn set_state(&self, state: &str) -> PyResult<()> {
         let state = LiveState::from_json(state).map_err(|error| of_run(&error))?;
         self.lock().set_state(&state).map_err(|error| of_run(&error))
     }
 
-    /// The states of the last plan at the ends of the steps ahead.
+    #[doc = doc!("Nmpc.predicted_states")]
     #[getter]
     fn predicted_states<'py>(&self, py: Python<'py>) -> PyResult<Array<'py>> {
         let controller = self.lock();
@@ -322,7 +322,7 @@ impl Nmpc {
         array(py, states, Some(rows), &[nx])
     }
 
-    /// The inputs of the last plan, the one chosen first.
+    #[doc = doc!("Nmpc.planned_inputs")]
     #[getter]
     fn planned_inputs<'py>(&self, py: Python<'py>) -> PyResult<Array<'py>> {
         let controller = self.lock();
@@ -332,43 +332,43 @@ impl Nmpc {
         array(py, inputs, Some(rows), &[nu])
     }
 
-    /// Names of what is measured: the argument y of a step.
+    #[doc = doc!("Nmpc.measured")]
     #[getter]
     fn measured(&self) -> Vec<String> {
         self.lock().measured()
     }
 
-    /// Names of the states.
+    #[doc = doc!("Nmpc.states")]
     #[getter]
     fn states(&self) -> Vec<String> {
         self.lock().variables().state_names()
     }
 
-    /// Names of the inputs.
+    #[doc = doc!("Nmpc.inputs")]
     #[getter]
     fn inputs(&self) -> Vec<String> {
         self.lock().variables().input_names()
     }
 
-    /// Names of what is controlled: the columns of a reference.
+    #[doc = doc!("Nmpc.controlled")]
     #[getter]
     fn controlled(&self) -> Vec<String> {
         self.lock().spec().controlled.clone()
     }
 
-    /// Names of the disturbances and parameters that are estimated.
+    #[doc = doc!("Nmpc.unknowns")]
     #[getter]
     fn unknowns(&self) -> Vec<String> {
         self.lock().unknowns().to_vec()
     }
 
-    /// N2, the number of steps ahead.
+    #[doc = doc!("Nmpc.horizon")]
     #[getter]
     fn horizon(&self) -> usize {
         self.lock().spec().n2
     }
 
-    /// Length T of a step in s.
+    #[doc = doc!("Nmpc.sample_time_s")]
     #[getter]
     fn sample_time_s(&self) -> f64 {
         self.lock().nmpc().model().sample_time_s()

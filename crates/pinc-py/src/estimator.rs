@@ -9,7 +9,7 @@ use pyo3::prelude::*;
 use pyo3::types::PyTuple;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
-/// The estimator of a config, with a memory of its own.
+#[doc = doc!("Estimator")]
 #[pyclass(module = "pinc_nmpc", frozen)]
 #[derive(Debug)]
 pub(crate) struct Estimator {
@@ -17,17 +17,17 @@ pub(crate) struct Estimator {
     origin: Origin,
 }
 
-/// What came of a correction.
+#[doc = doc!("Correction")]
 #[pyclass(module = "pinc_nmpc", frozen, get_all)]
 #[derive(Debug)]
 pub(crate) struct Correction {
-    /// How it ended.
+    #[doc = doc!("Correction.status")]
     status: String,
-    /// The normalized innovation squared, NaN where nothing was used.
+    #[doc = doc!("Correction.nis")]
     nis: f64,
-    /// How many measurements were used.
+    #[doc = doc!("Correction.measured")]
     measured: usize,
-    /// How many measurements the gate rejected.
+    #[doc = doc!("Correction.rejected")]
     rejected: usize,
 }
 
@@ -93,7 +93,7 @@ impl Estimator {
         Ok((make, (of.origin.parts(), of.state(py)?).into_pyobject(py)?))
     }
 
-    /// Forgets everything; `u` is the input that acts before the first measurement.
+    #[doc = doc!("Estimator.reset")]
     #[pyo3(signature = (u=None))]
     fn reset(&self, u: Option<Given<'_>>) -> PyResult<()> {
         let mut of = self.lock();
@@ -104,7 +104,7 @@ impl Estimator {
         Ok(())
     }
 
-    /// Corrects the estimate with what is measured now.
+    #[doc = doc!("Estimator.correct")]
     fn correct(&self, py: Python<'_>, y: Given<'_>) -> PyResult<Correction> {
         let measured = self.lock().measured.clone();
         let y = numbers(&y, "y", &measured)?;
@@ -117,14 +117,14 @@ impl Estimator {
         })
     }
 
-    /// Moves the estimate on by a step under the input `u`; how that ended.
+    #[doc = doc!("Estimator.predict")]
     fn predict(&self, py: Python<'_>, u: Given<'_>) -> PyResult<String> {
         let inputs = self.lock().variables.input_names();
         let u = numbers(&u, "u", &inputs)?;
         Ok(py.detach(|| self.lock().filter.predict(&u)).to_string())
     }
 
-    /// The estimate, by `names`.
+    #[doc = doc!("Estimator.estimate")]
     #[getter]
     fn estimate<'py>(&self, py: Python<'py>) -> PyResult<Array<'py>> {
         let estimate = self.lock().filter.estimate().to_vec();
@@ -132,7 +132,7 @@ impl Estimator {
         array(py, estimate, None, &[n])
     }
 
-    /// Its covariance.
+    #[doc = doc!("Estimator.covariance")]
     #[getter]
     fn covariance<'py>(&self, py: Python<'py>) -> PyResult<Array<'py>> {
         let of = self.lock();
@@ -140,7 +140,7 @@ impl Estimator {
         array(py, of.filter.covariance().to_vec(), None, &[n, n])
     }
 
-    /// Its standard deviations.
+    #[doc = doc!("Estimator.sd")]
     #[getter]
     fn sd<'py>(&self, py: Python<'py>) -> PyResult<Array<'py>> {
         let of = self.lock();
@@ -149,7 +149,7 @@ impl Estimator {
         array(py, sd, None, &[n])
     }
 
-    /// The innovation of the last correction.
+    #[doc = doc!("Estimator.innovation")]
     #[getter]
     fn innovation<'py>(&self, py: Python<'py>) -> PyResult<Array<'py>> {
         let innovation = self.lock().filter.innovation().to_vec();
@@ -157,31 +157,31 @@ impl Estimator {
         array(py, innovation, None, &[n])
     }
 
-    /// What is estimated.
+    #[doc = doc!("Estimator.names")]
     #[getter]
     fn names(&self) -> Vec<String> {
         self.lock().names.clone()
     }
 
-    /// What is measured.
+    #[doc = doc!("Estimator.measured")]
     #[getter]
     fn measured(&self) -> Vec<String> {
         self.lock().measured.clone()
     }
 
-    /// Names of the inputs.
+    #[doc = doc!("Estimator.inputs")]
     #[getter]
     fn inputs(&self) -> Vec<String> {
         self.lock().variables.input_names()
     }
 
-    /// Length T of a step in s.
+    #[doc = doc!("Estimator.sample_time_s")]
     #[getter]
     fn sample_time_s(&self) -> f64 {
         self.lock().sample_time_s
     }
 
-    /// What the estimator knows from its past, as numbers.
+    #[doc = doc!("Estimator.state")]
     fn state<'py>(&self, py: Python<'py>) -> PyResult<Array<'py>> {
         let mut numbers = Vec::new();
         self.lock().filter.remember(&mut Memory::save(&mut numbers));
@@ -189,7 +189,7 @@ impl Estimator {
         array(py, numbers, None, &[n])
     }
 
-    /// Goes on from the `state()` of another estimator of the same config.
+    #[doc = doc!("Estimator.set_state")]
     fn set_state(&self, state: Given<'_>) -> PyResult<()> {
         let state = vector(&state, "state")?;
         let mut of = self.lock();

@@ -7,25 +7,25 @@ use pinc_sensitivity::{Given as Number, ProblemDerivative, Regularity};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
-/// The gradient of a function of a plan in all that its problem is given.
+#[doc = doc!("PlanGradient")]
 #[pyclass(module = "pinc_nmpc", frozen, get_all)]
 #[derive(Debug)]
 pub(crate) struct PlanGradient {
-    /// Whether the plan is differentiable.
+    #[doc = doc!("PlanGradient.regularity")]
     regularity: String,
-    /// An array per kind of number.
+    #[doc = doc!("PlanGradient.values")]
     values: Py<PyDict>,
 }
 
-/// By how much a plan changes.
+#[doc = doc!("PlanChange")]
 #[pyclass(module = "pinc_nmpc", frozen, get_all)]
 #[derive(Debug)]
 pub(crate) struct PlanChange {
-    /// Whether the plan is differentiable.
+    #[doc = doc!("PlanChange.regularity")]
     regularity: String,
-    /// Of the planned states.
+    #[doc = doc!("PlanChange.states")]
     states: Py<PyArrayDyn<f64>>,
-    /// Of the planned inputs.
+    #[doc = doc!("PlanChange.inputs")]
     inputs: Py<PyArrayDyn<f64>>,
 }
 

@@ -1,9 +1,11 @@
 //! The Python package `pinc`, its part in Rust: models, trainings, controllers and runs as classes
 //! and functions of the module `pinc_nmpc._native`.
 //!
-//! What a user sees of it is said in `python/pinc/_native.pyi`. Arguments are checked here, before
+//! What a user sees of it is said in `python/pinc_nmpc/_native.pyi`, for `doc!` too. Arguments are checked here, before
 //! the libraries see them: what is wrong with one is an exception, and nothing panics. The global
 //! interpreter lock is released for all that takes long.
+
+include!(concat!(env!("OUT_DIR"), "/docs.rs"));
 
 mod arrays;
 mod batch;

@@ -13,7 +13,7 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
 
-/// A trained net as a model in discrete time, x[k+1] = F(x[k], u[k]), with its Jacobians.
+#[doc = doc!("Model")]
 #[pyclass(module = "pinc_nmpc", frozen)]
 #[derive(Debug)]
 pub(crate) struct Model {
@@ -49,25 +49,25 @@ impl Model {
 
 #[pymethods]
 impl Model {
-    /// Reads a model file.
+    #[doc = doc!("Model.load")]
     #[staticmethod]
     pub(crate) fn load(path: PathBuf) -> PyResult<Self> {
         let bytes = read_file(&path).map_err(|error| of_run(&error.into()))?;
         Self::parse(&path, &bytes)
     }
 
-    /// The model of the content of a file.
+    #[doc = doc!("Model.from_bytes")]
     #[staticmethod]
     fn from_bytes(data: &[u8]) -> PyResult<Self> {
         Self::parse(Path::new("model"), data)
     }
 
-    /// Writes the model file.
+    #[doc = doc!("Model.save")]
     fn save(&self, path: PathBuf) -> PyResult<()> {
         write_atomically(&path, &self.bytes()).map_err(|error| of_run(&error.into()))
     }
 
-    /// The content of its file.
+    #[doc = doc!("Model.to_bytes")]
     fn to_bytes<'py>(&self, py: Python<'py>) -> Bound<'py, PyBytes> {
         PyBytes::new(py, &self.bytes())
     }
@@ -88,31 +88,31 @@ impl Model {
         )
     }
 
-    /// Names of the states.
+    #[doc = doc!("Model.states")]
     #[getter]
     fn states(&self) -> Vec<String> {
         self.net.state_names().to_vec()
     }
 
-    /// Names of the inputs.
+    #[doc = doc!("Model.inputs")]
     #[getter]
     fn inputs(&self) -> Vec<String> {
         self.net.input_names().to_vec()
     }
 
-    /// Names of the parameters that the net of a family of plants takes.
+    #[doc = doc!("Model.parameters")]
     #[getter]
     fn parameters(&self) -> Vec<String> {
         self.discrete.parameters.clone()
     }
 
-    /// Length T of a step in s.
+    #[doc = doc!("Model.sample_time_s")]
     #[getter]
     fn sample_time_s(&self) -> f64 {
         self.net.sample_time_s()
     }
 
-    /// The box that the net was trained on: of each variable the lowest and the highest value.
+    #[doc = doc!("Model.domain")]
     #[getter]
     fn domain<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let names = self.net.state_names().iter().chain(self.net.input_names());
@@ -123,13 +123,13 @@ impl Model {
         Ok(domain)
     }
 
-    /// The proven bound of the error of one step by state, or None without a certificate.
+    #[doc = doc!("Model.proven_error")]
     #[getter]
     fn proven_error(&self) -> Option<BTreeMap<String, f64>> {
         certificate(&self.net).map(|of| of.proven)
     }
 
-    /// The estimated error of the state after T, to first order, against the plant of a config.
+    #[doc = doc!("Model.error_estimate")]
     #[pyo3(signature = (config, x, u, p=None))]
     fn error_estimate<'py>(
         &self,
@@ -159,7 +159,7 @@ impl Model {
         array(py, errors, at.rows, &[nx])
     }
 
-    /// The layers at the end of a step: weights and bias of each, with all scaling folded in.
+    #[doc = doc!("Model.layers")]
     #[getter]
     fn layers<'py>(&self, py: Python<'py>) -> PyResult<Vec<(Array<'py>, Array<'py>)>> {
         let folded = FoldedNet::new(&self.net).map_err(|error| input(error.to_string()))?;
@@ -171,14 +171,14 @@ impl Model {
         layers.collect()
     }
 
-    /// Whether the layers give the change of the state rather than the state.
+    #[doc = doc!("Model.adds_initial_state")]
     #[getter]
     fn adds_initial_state(&self) -> PyResult<bool> {
         let folded = FoldedNet::new(&self.net).map_err(|error| input(error.to_string()))?;
         Ok(folded.adds_initial_state)
     }
 
-    /// The state after T.
+    #[doc = doc!("Model.step")]
     #[pyo3(signature = (x, u, p=None))]
     fn step<'py>(
         &self,
@@ -190,7 +190,7 @@ impl Model {
         self.discrete.step(py, &x, &u, p.as_ref())
     }
 
-    /// The state after T with its Jacobians by the state and the input.
+    #[doc = doc!("Model.linearize")]
     #[pyo3(signature = (x, u, p=None))]
     fn linearize<'py>(
         &self,
@@ -202,7 +202,7 @@ impl Model {
         self.discrete.linearize(py, &x, &u, p.as_ref())
     }
 
-    /// The state at the time t of a step, from 0 to T.
+    #[doc = doc!("Model.evaluate")]
     #[pyo3(signature = (t, x, u, p=None))]
     fn evaluate<'py>(
         &self,
@@ -232,7 +232,7 @@ impl Model {
         array(py, states, at.rows, &[nx])
     }
 
-    /// The free run from a state under a row of inputs per step.
+    #[doc = doc!("Model.predict")]
     #[pyo3(signature = (x, u, p=None))]
     fn predict<'py>(
         &self,
@@ -244,9 +244,14 @@ impl Model {
         self.discrete.predict(py, &x, &u, p.as_ref())
     }
 
-    /// The model as a function of CasADi, in SX.
+    #[doc = doc!("Model.casadi")]
     #[pyo3(signature = (name="pinc"))]
     fn casadi<'py>(slf: &Bound<'py, Self>, name: &str) -> PyResult<Bound<'py, PyAny>> {
         slf.py().import("pinc_nmpc._casadi")?.call_method1("function", (slf, name))
+    }
+
+    #[doc = doc!("Model.do_mpc")]
+    fn do_mpc<'py>(slf: &Bound<'py, Self>) -> PyResult<Bound<'py, PyAny>> {
+        slf.py().import("pinc_nmpc._casadi")?.call_method1("do_mpc", (slf,))
     }
 }

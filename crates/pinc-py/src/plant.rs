@@ -15,7 +15,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 /// The local error tolerance of a simulation.
 const TOLERANCE: f64 = 1e-10;
 
-/// The plant of a config, with its simulator.
+#[doc = doc!("Plant")]
 #[pyclass(module = "pinc_nmpc", frozen)]
 #[derive(Debug)]
 pub(crate) struct Plant {
@@ -28,7 +28,7 @@ pub(crate) struct Plant {
     simulator: Mutex<Simulator>,
 }
 
-/// An integrator of a plant as a model in discrete time.
+#[doc = doc!("IntegratorModel")]
 #[pyclass(module = "pinc_nmpc", frozen)]
 #[derive(Debug)]
 pub(crate) struct IntegratorModel {
@@ -154,25 +154,25 @@ impl Plant {
         )
     }
 
-    /// Names of the states, in order.
+    #[doc = doc!("Plant.states")]
     #[getter]
     fn states(&self) -> Vec<String> {
         self.variables.state_names()
     }
 
-    /// Names of the inputs, in order.
+    #[doc = doc!("Plant.inputs")]
     #[getter]
     fn inputs(&self) -> Vec<String> {
         self.variables.input_names()
     }
 
-    /// Names of the outputs, in order; the states' where the plant has no outputs of its own.
+    #[doc = doc!("Plant.outputs")]
     #[getter]
     fn outputs(&self) -> Vec<String> {
         self.variables.output_names()
     }
 
-    /// The units of states, inputs and outputs.
+    #[doc = doc!("Plant.units")]
     #[getter]
     fn units(&self) -> BTreeMap<String, String> {
         let Variables { states, inputs, outputs } = &self.variables;
@@ -180,19 +180,19 @@ impl Plant {
         all.map(|of| (of.name.to_string(), of.unit.to_string())).collect()
     }
 
-    /// The values of the equation's parameters.
+    #[doc = doc!("Plant.parameters")]
     #[getter]
     fn parameters(&self) -> BTreeMap<String, f64> {
         self.parameters.clone()
     }
 
-    /// Length T of the config's control step in s, or None.
+    #[doc = doc!("Plant.sample_time_s")]
     #[getter]
     fn sample_time_s(&self) -> Option<f64> {
         self.experiment.sample_time_s()
     }
 
-    /// The time derivative f(x, u) of the state.
+    #[doc = doc!("Plant.derivative")]
     fn derivative<'py>(
         &self,
         py: Python<'py>,
@@ -204,7 +204,7 @@ impl Plant {
         self.each(py, (&x, &u), &[n], |x, u, to| self.plant.rhs(x, u, &[], to))
     }
 
-    /// The Jacobian of f by (x, u).
+    #[doc = doc!("Plant.jacobian")]
     fn jacobian<'py>(&self, py: Python<'py>, x: Given<'py>, u: Given<'py>) -> PyResult<Array<'py>> {
         self.equation()?;
         let dims = self.plant.dims();
@@ -213,7 +213,7 @@ impl Plant {
         })
     }
 
-    /// The outputs h(x, u).
+    #[doc = doc!("Plant.output")]
     fn output<'py>(&self, py: Python<'py>, x: Given<'py>, u: Given<'py>) -> PyResult<Array<'py>> {
         let simulator = self.simulator.lock().unwrap_or_else(PoisonError::into_inner);
         self.each(py, (&x, &u), &[self.variables.outputs.len()], |x, u, to| {
@@ -221,7 +221,7 @@ impl Plant {
         })
     }
 
-    /// The states from `x` on under a row of inputs per step, integrated accurately.
+    #[doc = doc!("Plant.simulate")]
     #[pyo3(signature = (x, u, step_s=None))]
     fn simulate<'py>(
         &self,
@@ -253,7 +253,7 @@ impl Plant {
         array(py, states, Some(count + 1), &[dims.nx])
     }
 
-    /// An integrator of the equation as a model.
+    #[doc = doc!("Plant.model")]
     #[pyo3(signature = (method="rk4", step_s=None, substeps=None))]
     fn model(
         &self,
@@ -324,36 +324,36 @@ impl IntegratorModel {
         format!("<pinc.IntegratorModel: {} x{substeps}; T = {step_s} s>", integrator.name())
     }
 
-    /// Names of the states.
+    #[doc = doc!("IntegratorModel.states")]
     #[getter]
     fn states(&self) -> Vec<String> {
         self.discrete.states.clone()
     }
 
-    /// Names of the inputs.
+    #[doc = doc!("IntegratorModel.inputs")]
     #[getter]
     fn inputs(&self) -> Vec<String> {
         self.discrete.inputs.clone()
     }
 
-    /// Length T of a step in s.
+    #[doc = doc!("IntegratorModel.sample_time_s")]
     #[getter]
     fn sample_time_s(&self) -> f64 {
         self.discrete.sample_time_s
     }
 
-    /// Number of substeps of a step.
+    #[doc = doc!("IntegratorModel.substeps")]
     #[getter]
     fn substeps(&self) -> usize {
         self.made.substeps
     }
 
-    /// The state after T.
+    #[doc = doc!("IntegratorModel.step")]
     fn step<'py>(&self, py: Python<'py>, x: Given<'py>, u: Given<'py>) -> PyResult<Array<'py>> {
         self.discrete.step(py, &x, &u, None)
     }
 
-    /// The state after T with its Jacobians by the state and the input.
+    #[doc = doc!("IntegratorModel.linearize")]
     fn linearize<'py>(
         &self,
         py: Python<'py>,
@@ -363,7 +363,7 @@ impl IntegratorModel {
         self.discrete.linearize(py, &x, &u, None)
     }
 
-    /// The free run from a state under a row of inputs per step.
+    #[doc = doc!("IntegratorModel.predict")]
     fn predict<'py>(&self, py: Python<'py>, x: Given<'py>, u: Given<'py>) -> PyResult<Array<'py>> {
         self.discrete.predict(py, &x, &u, None)
     }

@@ -7,19 +7,19 @@ use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use std::ops::ControlFlow;
 
-/// How far a training is.
+#[doc = doc!("TrainingProgress")]
 #[pyclass(module = "pinc_nmpc", frozen, get_all)]
 #[derive(Debug)]
 pub(crate) struct TrainingProgress {
-    /// Iterations done.
+    #[doc = doc!("TrainingProgress.iteration")]
     iteration: u64,
-    /// How many there are at most.
+    #[doc = doc!("TrainingProgress.iterations")]
     iterations: u64,
-    /// Time since the training began, in s.
+    #[doc = doc!("TrainingProgress.elapsed_s")]
     elapsed_s: f64,
-    /// The loss.
+    #[doc = doc!("TrainingProgress.loss")]
     loss: f64,
-    /// The last mean squared error of a free run on the validation scenarios, or None.
+    #[doc = doc!("TrainingProgress.validation_mse")]
     validation_mse: Option<f64>,
 }
 
@@ -32,21 +32,21 @@ impl TrainingProgress {
     }
 }
 
-/// A trained net, with what came of its training.
+#[doc = doc!("Trained")]
 #[pyclass(module = "pinc_nmpc", frozen, get_all)]
 #[derive(Debug)]
 pub(crate) struct Trained {
-    /// The net.
+    #[doc = doc!("Trained.model")]
     model: Py<Model>,
-    /// Its errors on scenarios that it was not chosen by.
+    #[doc = doc!("Trained.validation")]
     validation: Py<PyDict>,
-    /// Why the training ended.
+    #[doc = doc!("Trained.stop_reason")]
     stop_reason: String,
-    /// Iterations done.
+    #[doc = doc!("Trained.iterations")]
     iterations: u64,
-    /// Evaluations of the loss and its gradient.
+    #[doc = doc!("Trained.loss_evaluations")]
     loss_evaluations: u64,
-    /// How long the training took, in s.
+    #[doc = doc!("Trained.wall_s")]
     wall_s: f64,
 }
 
@@ -58,7 +58,7 @@ impl Trained {
     }
 }
 
-/// Trains the net of a config; `progress` is shown each iteration and ends it by returning `pinc.STOP`.
+#[doc = doc!("train")]
 #[pyfunction]
 #[pyo3(signature = (config, overrides=None, progress=None))]
 pub(crate) fn train(

@@ -57,3 +57,17 @@ def test_ipopt_chooses_the_inputs_of_the_controller(model: pinc.Model, smoke: Pa
         assert abs(float(answer["x"][0]) - step.u[0]) < 1e-6
         applied = step.u[0]
         x = model.step(x, step.u)
+
+
+@pytest.mark.filterwarnings("ignore")
+def test_do_mpc_simulates_the_model(model: pinc.Model) -> None:
+    do_mpc = pytest.importorskip("do_mpc")
+    simulator = do_mpc.simulator.Simulator(model.do_mpc())
+    simulator.set_param(t_step=model.sample_time_s)
+    simulator.setup()
+    x = np.array([0.5, -0.2])
+    simulator.x0 = x
+    for u in (0.3, -0.7, 0.1):
+        x = model.step(x, u)
+        found = simulator.make_step(np.array([[u]]))
+        assert np.abs(found.ravel() - x).max() < 1e-12

@@ -28,6 +28,7 @@
     feature = "batch",
     doc = "| [`batch`], [`sensitivity`] | control steps, gradients, closed loops and model steps on all cores; derivatives of plans | `batch` |"
 )]
+#![cfg_attr(feature = "chart", doc = "| [`chart`] | figures as SVG | `chart` |")]
 #![cfg_attr(
     feature = "analysis",
     doc = "| [`analysis`] | steady states, stability and zeros of a plant | `analysis` |"
@@ -170,6 +171,8 @@ pub use pinc_ad as ad;
 pub use pinc_analysis as analysis;
 #[cfg(feature = "experiments")]
 pub use pinc_bench as bench;
+#[cfg(feature = "chart")]
+pub use pinc_chart as chart;
 #[cfg(feature = "experiments")]
 pub use pinc_config as config;
 #[cfg(feature = "experiments")]
@@ -202,7 +205,7 @@ pub use pinc_verify as verify;
 pub use {pinc_batch as batch, pinc_sensitivity as sensitivity};
 
 /// The example of `README.md`.
-#[cfg(all(doctest, feature = "plants"))]
+#[cfg(all(doctest, feature = "chart"))]
 #[doc = include_str!("../README.md")]
 struct Readme;
 

@@ -6,7 +6,7 @@
   takes many steps and runs many closed loops on all cores. Both give derivatives, and
   ``torch_policy`` and ``jax_policy`` make functions of PyTorch and JAX of the latter.
 - ``Plant`` is the plant of a config with its simulator, and ``Plant.model`` an integrator as a model
-  of it; ``Estimator`` is the config's estimator, one step at a time.
+  of it; ``expression`` makes equations of Python functions; ``Estimator`` is the config's estimator, one step at a time.
 - ``resolved`` spells a config out. ``pinc_nmpc.environment`` is the loop as an environment of
   Gymnasium, and controllers as policies; ``pinc_nmpc.qp`` the controllers' solver of quadratic programs,
   also for qpsolvers.
@@ -73,6 +73,7 @@ from ._results import (
 )
 from ._runs import Run
 from ._stop import STOP
+from ._trace import expression
 
 __version__ = _version("pinc-nmpc")
 
@@ -116,6 +117,7 @@ __all__ = [
     "export",
     "export_net",
     "export_plant",
+    "expression",
     "identify",
     "jax_policy",
     "resolved",

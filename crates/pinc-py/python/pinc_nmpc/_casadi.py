@@ -1,5 +1,6 @@
-"""A model as a function of CasADi."""
+"""A model as a function of CasADi, and as a model of do-mpc."""
 
+import re
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
@@ -27,3 +28,24 @@ def function(model: "Model", name: str) -> Any:
     if model.parameters:
         arguments, names = [x, u, p], ["x", "u", "p"]
     return casadi.Function(name, arguments, [value], names, ["x_next"])
+
+
+def do_mpc(model: "Model") -> Any:
+    """The net as a discrete model of do-mpc, set up."""
+    try:
+        from do_mpc.model import Model as DoMpc
+    except ImportError as error:
+        raise ImportError("Model.do_mpc needs the package do-mpc: pip install do-mpc") from error
+    import casadi
+
+    made = DoMpc("discrete", "SX")
+    # Of arrays, without brackets.
+    kinds = {"_x": model.states, "_u": model.inputs, "_p": model.parameters}
+    plain = {kind: [re.sub(r"\W+", "_", name).strip("_") for name in of] for kind, of in kinds.items()}
+    given = [[made.set_variable(kind, name) for name in names] for kind, names in plain.items()]
+    vectors = [casadi.vertcat(*of) for of in given if of]
+    x_next = function(model, "net")(*vectors)
+    for place, name in enumerate(plain["_x"]):
+        made.set_rhs(name, x_next[place])
+    made.setup()
+    return made

@@ -123,6 +123,9 @@ class Model:
     def casadi(self, name: str = "pinc") -> Any:
         """The model as a ``casadi.Function`` of ``(x, u)``, with parameters ``(x, u, p)``, built in
         SX. Needs the package casadi."""
+    def do_mpc(self) -> Any:
+        """The model as a ``do_mpc.model.Model`` in discrete time, set up, with its variables by their
+        names (``T_1`` for ``T[1]``). Needs the package do-mpc."""
 
 @final
 class TrainingProgress:
@@ -186,7 +189,8 @@ class Nmpc:
 
     The model is the net ``model``, a ``Model`` or the path of a model file, or the one that
     ``only`` names (``"pinc"``, ``"rk4"``, ``"rk5"``, ``"rosenbrock"``, ``"black-box"``, or ``"policy"``,
-    a net in place of the controller), or else the config's first. A net is used by ``"pinc"`` only: a ``model`` with another ``only`` is refused.
+    a net in place of the controller), or else the config's first. A net is used by ``"pinc"`` only: a
+    ``model`` with another ``only`` is refused.
 
     A controller can be pickled and copied with its ``state()``; steps release the interpreter's lock.
     """
@@ -283,8 +287,8 @@ class Plant:
         tank = pinc.Plant({
             "name": "tank", "preset": "ours", "seed": 1,
             "plant": {"expression": {
-                "states": {"h": "(q - k*sqrt(h))/a"}, "inputs": ["q"],
-                "parameters": {"k": 0.5, "a": 2.0},
+                "states": ["h"], "inputs": ["q"], "parameters": {"k": 0.5, "a": 2.0},
+                "derivatives": {"h": "(q - k*sqrt(h))/a"},
             }},
         })
         levels = tank.simulate([1.0], [[0.6]] * 20, step_s=1.0)
@@ -466,8 +470,8 @@ class NmpcBatch:
     """The controller of a config for many states at once, on ``threads`` threads (0: one per core),
     without an estimator.
 
-    A batch can be pickled. Each step and each loop starts afresh: results do not depend on what else is in the batch, nor
-    on the number of threads. The other arguments are as of ``Nmpc``.
+    A batch can be pickled. Each step and each loop starts afresh: results do not depend on what else is
+    in the batch, nor on the number of threads. The other arguments are as of ``Nmpc``.
     """
 
     def __new__(
