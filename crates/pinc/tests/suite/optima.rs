@@ -26,7 +26,7 @@ fn answers() -> Vec<Answer> {
 #[test]
 fn first_plans_match_ipopt() {
     let answers = answers();
-    assert!(answers.len() >= 5, "{}", answers.len());
+    assert!(answers.len() >= 8, "{}", answers.len());
     for Answer { name, objective, inputs, status } in answers {
         assert_eq!(status, "Solve_Succeeded", "{name}");
         let path = repository(&format!("configs/gallery/{name}.toml"));
