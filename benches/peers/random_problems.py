@@ -4,7 +4,7 @@
 
 Writes configs into a temporary directory: plants of one to four states with nonlinear equations, economic
 stage and terminal costs, weights on changes, bounds on states and on nonlinear outputs, free end times
-with values at the end. PINC, the program, plans each first step (`pinc serve`). IPOPT starts at each plan
+with values at the end, orbits. PINC, the program, plans each first step (`pinc serve`). IPOPT starts at each plan
 that converged, on the same discretization. Counts plans that have a better neighbour: one that is cheaper
 by more than 1e-6 of the cost. Exits with 1 if there is one.
 """
@@ -93,6 +93,8 @@ def make(kind, seed):
         sides = {f"{x[i]}": start[i] + rng.choice([-1, 1]) * rng.uniform(0.05, 0.5)}
         above = sides[x[i]] > start[i]
         lines += [f"state_{'high' if above else 'low'} = {table(sides)}"]
+    if kind == "product" and seed % 2:
+        lines += [f"periodic = {json.dumps(x[:m])}"]
     if kind == "free":
         lines += ['free_time = "stretch"', f"end_state = {{ x0 = {start[0] + rng.uniform(-0.5, 0.5)!r} }}",
                   f"initial_input = {table({v: 1.0 if v == 'stretch' else 0.0 for v in inputs})}"]
