@@ -1,5 +1,6 @@
 //! First plans of shipped configs with a `[control.cost]`, against IPOPT's on the same
-//! discretization, as `benches/peers/casadi_cost.py` found them.
+//! discretization, as `benches/peers/casadi_cost.py` found them: beside ours for the double pendulum
+//! and the periodic reactor, where IPOPT finds worse minima from elsewhere.
 
 use crate::common::repository;
 use pinc_config::{Experiment, Plants};
