@@ -2,11 +2,15 @@
 multiple shooting, classical RK4 with the config's substeps, the cost as one more state.
 
     python casadi_cost.py CONFIG.toml... > ../../crates/pinc/tests/suite/optima.jsonl
+    python casadi_cost.py --beside PINC CONFIG.toml... >> ../../crates/pinc/tests/suite/optima.jsonl
 
-Prints per config one line of JSON: objective, and the inputs of the plan.
+Prints per config one line of JSON: objective, and the inputs of the plan. With --beside IPOPT starts at
+the plan of PINC, the program, where it finds worse minima from the config's own first plan.
 """
 
 import json
+import pathlib
+import subprocess
 import sys
 import tomllib
 
@@ -85,7 +89,8 @@ def listed(config):
                                 ("initial_input", inputs, 0.0), ("r", inputs, 0.0)]:
         if isinstance(control.get(key), dict):
             control[key] = [control[key].get(name, default) for name in names]
-    ends = control.get("end_state", {})
+    ends = dict(control.get("end_state", {}))
+    ends |= {name: control["initial_state"][states.index(name)] for name in control.get("periodic", [])}
     control["ends"] = [(i, ends[name]) for i, name in enumerate(states) if name in ends]
     stretch = control.get("free_time")
     control["stretch"] = inputs.index(stretch) if stretch else None
@@ -94,6 +99,10 @@ def listed(config):
 
 QUIET = {"ipopt.print_level": 0, "print_time": 0, "ipopt.sb": "yes", "ipopt.tol": 1e-11,
          "ipopt.max_iter": 5000, "ipopt.bound_relax_factor": 0.0}
+# IPOPT goes to the nearest minimum instead of the middle of the bounds.
+LOCAL = {"ipopt.mu_init": 1e-7, "ipopt.mu_strategy": "monotone", "ipopt.bound_push": 1e-9,
+         "ipopt.bound_frac": 1e-9, "ipopt.slack_bound_push": 1e-9, "ipopt.slack_bound_frac": 1e-9,
+         "ipopt.tol": 1e-10}
 
 
 def solve(config, guess=None, options=None):
@@ -156,10 +165,23 @@ def solve(config, guess=None, options=None):
     return float(found["f"]), inputs, stats["return_status"], stats["iter_count"], before
 
 
+def plan_of(pinc, path, config):
+    """The answer of `pinc serve` to the initial state, and the inputs of the plan."""
+    control = config["control"]
+    lines = [{"y": control["initial_state"]}, {"command": "save"}]
+    served = subprocess.run([pinc, "serve", path], input="\n".join(map(json.dumps, lines)), text=True,
+                            capture_output=True, check=True).stdout.splitlines()
+    answer, saved = (json.loads(line) for line in served)
+    states = control["n2"] * len(control["initial_state"])
+    inputs = control["nu"] * len(control["input_low"])
+    return answer, saved["state"]["numbers"][states:states + inputs]
+
+
 if __name__ == "__main__":
-    for path in sys.argv[1:]:
-        with open(path, "rb") as file:
-            config = tomllib.load(file)
-        objective, inputs, status, count, _ = solve(config)
+    pinc, paths = (sys.argv[2], sys.argv[3:]) if sys.argv[1] == "--beside" else (None, sys.argv[1:])
+    for path in paths:
+        config = tomllib.loads(pathlib.Path(path).read_text())
+        beside = (plan_of(pinc, path, config)[1], LOCAL) if pinc else ()
+        objective, inputs, status, count, _ = solve(config, *beside)
         print(json.dumps({"name": config["name"], "objective": objective, "inputs": inputs,
                           "status": status, "iterations": count}), flush=True)

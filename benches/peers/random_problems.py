@@ -4,7 +4,7 @@
 
 Writes configs into a temporary directory: plants of one to four states with nonlinear equations, economic
 stage and terminal costs, weights on changes, bounds on states and on nonlinear outputs, free end times
-with values at the end. PINC, the program, plans each first step (`pinc serve`). IPOPT starts at each plan
+with values at the end, orbits. PINC, the program, plans each first step (`pinc serve`). IPOPT starts at each plan
 that converged, on the same discretization. Counts plans that have a better neighbour: one that is cheaper
 by more than 1e-6 of the cost. Exits with 1 if there is one.
 """
@@ -13,7 +13,6 @@ import collections
 import json
 import pathlib
 import random
-import subprocess
 import sys
 import tempfile
 import tomllib
@@ -21,10 +20,6 @@ import tomllib
 import casadi_cost
 
 KINDS = ["economic", "output", "state", "free", "product"]
-# IPOPT goes to the nearest minimum instead of the middle of the bounds.
-LOCAL = {"ipopt.mu_init": 1e-7, "ipopt.mu_strategy": "monotone", "ipopt.bound_push": 1e-9,
-         "ipopt.bound_frac": 1e-9, "ipopt.slack_bound_push": 1e-9, "ipopt.slack_bound_frac": 1e-9,
-         "ipopt.tol": 1e-10}
 
 
 def number(rng, low, high):
@@ -98,34 +93,24 @@ def make(kind, seed):
         sides = {f"{x[i]}": start[i] + rng.choice([-1, 1]) * rng.uniform(0.05, 0.5)}
         above = sides[x[i]] > start[i]
         lines += [f"state_{'high' if above else 'low'} = {table(sides)}"]
+    if kind == "product" and seed % 2:
+        lines += [f"periodic = {json.dumps(x[:m])}"]
     if kind == "free":
         lines += ['free_time = "stretch"', f"end_state = {{ x0 = {start[0] + rng.uniform(-0.5, 0.5)!r} }}",
                   f"initial_input = {table({v: 1.0 if v == 'stretch' else 0.0 for v in inputs})}"]
     return "\n".join(lines) + "\n"
 
 
-def plan_of(pinc, path, config):
-    """The answer of `pinc serve` to the initial state, and the inputs of the plan."""
-    control = config["control"]
-    lines = [{"y": control["initial_state"]}, {"command": "save"}]
-    served = subprocess.run([pinc, "serve", path], input="\n".join(map(json.dumps, lines)), text=True,
-                            capture_output=True, check=True).stdout.splitlines()
-    answer, saved = (json.loads(line) for line in served)
-    states = control["n2"] * len(control["initial_state"])
-    inputs = control["nu"] * len(control["input_low"])
-    return answer, saved["state"]["numbers"][states:states + inputs]
-
-
 def judge(pinc, path, kind, counts):
     config = tomllib.loads(path.read_text())
-    answer, plan = plan_of(pinc, path, config)
+    answer, plan = casadi_cost.plan_of(pinc, path, config)
     status = answer["status"]
     counts[f"all {status}"] += 1
     counts[f"{kind} {status}"] += 1
     if status != "converged":
         print(path.stem, kind, status, flush=True)
         return
-    cost, inputs, found, _, before = casadi_cost.solve(config, plan, LOCAL)
+    cost, inputs, found, _, before = casadi_cost.solve(config, plan, casadi_cost.LOCAL)
     size = max(1e-3, abs(answer["cost"]))
     if abs(before - answer["cost"]) > 1e-6 * size:
         counts["other cost of the same inputs"] += 1

@@ -25,8 +25,10 @@ pub(crate) fn of(experiment: &Experiment, dims: Dims) -> Option<(Region, &'stati
     for (low, high) in low.iter_mut().zip(&mut high).filter(|(low, high)| low >= high) {
         (*low, *high) = (*low - 0.5, *high + 0.5);
     }
-    low = control.state_low.clone().unwrap_or(low);
-    high = control.state_high.clone().unwrap_or(high);
+    for (ends, bounds) in [(&mut low, &control.state_low), (&mut high, &control.state_high)] {
+        let finite = ends.iter_mut().zip(bounds.iter().flatten()).filter(|(_, b)| b.is_finite());
+        finite.for_each(|(end, bound)| *end = *bound);
+    }
     low.extend(&control.input_low);
     high.extend(&control.input_high);
     Some((Region::new(dims, low, high), "the controller's bounds"))

@@ -43,6 +43,11 @@ impl CostSpec {
         Ok(equations.compile_with_cost(varying, self.expressions())?.into_dyn())
     }
 
+    /// The expressions that are given.
+    pub(crate) fn texts(&self) -> impl Iterator<Item = &str> {
+        [&self.stage, &self.terminal].into_iter().flatten().map(String::as_str)
+    }
+
     /// The expressions, 0 for one that is left out.
     pub(crate) fn expressions(&self) -> CostExpressions<'_> {
         CostExpressions {

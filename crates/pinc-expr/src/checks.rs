@@ -57,7 +57,8 @@ impl Equations {
         }
     }
 
-    pub(crate) fn check_parameters_are_used(&self) -> Result<(), ExpressionError> {
+    /// Of these equations without arrays; `others` may have some.
+    pub(crate) fn check_parameters_are_used(&self, others: &[&str]) -> Result<(), ExpressionError> {
         let outputs = self.outputs.values().map(|output| &output.expression);
         let starts = self.algebraic.values().filter_map(|unknown| match &unknown.start {
             Some(Start::Expression(text)) => Some(text),
@@ -66,8 +67,13 @@ impl Equations {
         let unknowns = self.algebraic.values().map(|unknown| &unknown.equation).chain(starts);
         let texts = self.derivatives.values().chain(self.intermediates.values());
         let texts = texts.chain(outputs).chain(unknowns);
-        let used: BTreeSet<_> = texts.flat_map(|text| parser::names(text)).collect();
-        match self.parameters.keys().find(|name| !used.contains(name.as_str())) {
+        let mut used: BTreeSet<_> = texts.flat_map(|text| parser::names(text)).collect();
+        let no_name = |c: char| !(c.is_alphanumeric() || c == '_');
+        used.extend(others.iter().flat_map(|text| text.split(no_name)));
+        let is_used = |name: &str| {
+            used.contains(name) || name.split('[').next().is_some_and(|array| used.contains(array))
+        };
+        match self.parameters.keys().find(|name| !is_used(name)) {
             Some(name) => Err(ExpressionProblem::UnusedParameter.at(format!("parameters.{name}"))),
             None => Ok(()),
         }

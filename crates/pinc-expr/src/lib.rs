@@ -261,9 +261,22 @@ impl Equations {
     ///
     /// # Errors
     ///
-    /// The first thing that is wrong with them.
+    /// The first thing that is wrong with them; a parameter that nothing uses.
     pub fn compile(&self) -> Result<ExpressionPlant, ExpressionError> {
-        self.compile_with(&[])
+        self.compile_beside(&[])
+    }
+
+    /// [`Equations::compile`] where `others`, expressions of a cost for instance, may use parameters too.
+    ///
+    /// # Errors
+    ///
+    /// As there.
+    pub fn compile_beside(&self, others: &[&str]) -> Result<ExpressionPlant, ExpressionError> {
+        self.unrolled(|plain| {
+            let graph = plain.graph(&[])?;
+            plain.check_parameters_are_used(others)?;
+            graph.compile()
+        })
     }
 
     /// The plant with these equations, in which the parameters named in `varying` are the `p` of
@@ -370,7 +383,6 @@ impl Equations {
             let per_second = graph.constant(1.0 / unit.seconds());
             derivatives.iter_mut().for_each(|value| *value = graph.mul(*value, per_second));
         }
-        self.check_parameters_are_used()?;
         let mut all = PlantGraph {
             graph,
             states: self.states.clone(),

@@ -117,7 +117,7 @@ impl PlantEquations {
     /// The first thing that is wrong with equations that are text.
     pub fn to_dyn(&self) -> Result<Box<dyn DynPlant>, ExpressionError> {
         match &self.0 {
-            Source::Text(equations) => Ok(equations.compile()?.into_dyn()),
+            Source::Text(equations) => Ok(equations.compile_with(&[])?.into_dyn()),
             Source::Rust { plant, constants } => Ok(plant.erased(constants)),
         }
     }

@@ -9,7 +9,7 @@ use crate::stage_cost::{QuadBlock, StagePoint};
 use crate::transcription::Transcription;
 use crate::units::Units;
 use pinc_ode::{LinearizationBuffer, OutputLinearization, Stages};
-use pinc_qp::{Convexifier, OcpDims, Qp, all_finite};
+use pinc_qp::{Convexifier, Convexity, OcpDims, Qp, all_finite};
 
 /// A difference quotient is taken over this part of a variable's size: the cube root of the
 /// precision.
@@ -68,9 +68,8 @@ pub(crate) struct At<'a> {
 /// What the exact Hessian is for.
 #[derive(Clone, Copy)]
 pub(crate) enum Purpose {
-    /// A program, whose active rows are likely the plan's if they are `settled`, with this part of its
-    /// largest entry on its diagonal.
-    Step { settled: bool, damping: f64 },
+    /// A program, whose active rows are likely the plan's if they are `settled`.
+    Step { settled: bool, convexity: Convexity },
     /// To see whether the plan is a minimum.
     Judgement,
 }
@@ -161,8 +160,8 @@ impl Curvature {
         }
         let multipliers = &at.plan.multipliers;
         Some(match purpose {
-            Purpose::Step { settled, damping } => {
-                self.convexifier.apply(qp, settled.then_some(multipliers), damping)
+            Purpose::Step { settled, convexity } => {
+                self.convexifier.apply(qp, settled.then_some(multipliers), convexity)
             }
             Purpose::Judgement => self.convexifier.finds_descent(qp, multipliers),
         })

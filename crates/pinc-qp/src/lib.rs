@@ -47,7 +47,7 @@ mod work;
 
 pub use algebra::{all_finite, largest};
 pub use choice::{ChosenQp, QpError, QpMethod};
-pub use convexify::Convexifier;
+pub use convexify::{Convexifier, Convexity};
 pub use multipliers::Multipliers;
 pub use ocp_dims::{OcpDims, RowBlock};
 pub use tree::Tree;

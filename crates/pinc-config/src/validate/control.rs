@@ -5,17 +5,20 @@ use super::values::{
     positive, tolerance, value, wrong_length,
 };
 use super::{Checked, Problem, cost, plant};
-use crate::plants::Plants;
 use crate::registry::Variables;
-use crate::{ControlSpec, ModelKind, OnError};
+use crate::{ControlSpec, Experiment, ModelKind, OnError};
 use pinc_mpc::{MpcError, Softness, Weight};
 use pinc_ode::Integrator;
 
 /// `[control]`.
-pub(super) fn closed_loop(spec: &ControlSpec, variables: &Variables, plants: &Plants) -> Checked {
+pub(super) fn closed_loop(
+    experiment: &Experiment,
+    spec: &ControlSpec,
+    variables: &Variables,
+) -> Checked {
     let (states, inputs) = (variables.states.len(), variables.inputs.len());
     models(spec)?;
-    plant_in_the_loop(spec, variables, plants)?;
+    plant_in_the_loop(experiment, spec, variables)?;
     if let Some(step_s) = spec.step_s {
         positive("control.step_s", step_s)?;
     }
@@ -210,9 +213,13 @@ fn references(spec: &ControlSpec) -> Checked {
 }
 
 /// The plant in the loop: it has the states and inputs of the one that the models are of.
-fn plant_in_the_loop(spec: &ControlSpec, variables: &Variables, plants: &Plants) -> Checked {
+fn plant_in_the_loop(
+    experiment: &Experiment,
+    spec: &ControlSpec,
+    variables: &Variables,
+) -> Checked {
     let Some(real) = &spec.plant else { return Ok(()) };
-    plant("control.plant", real, plants)?;
+    plant("control.plant", real, experiment)?;
     let found = real.variables();
     for (what, found, expected) in [
         ("states", found.state_names(), variables.state_names()),

@@ -31,7 +31,7 @@ pub(super) fn expressions(
     variables: &Variables,
 ) -> Checked {
     let Some(cost) = &spec.cost else { return Ok(()) };
-    if cost.stage.is_none() && cost.terminal.is_none() {
+    if cost.texts().next().is_none() {
         let expected = "an expression `stage` or `terminal`, or both";
         return value("control.cost", "neither", expected);
     }

@@ -3,7 +3,7 @@
 use super::values::{alone, names, place, value};
 use super::{Checked, Problem};
 use crate::estimator::DisturbanceSpec;
-use crate::{ControlSpec, Experiment, Profile, Variables};
+use crate::{ControlSpec, CostSpec, Experiment, Profile, Variables};
 
 const KEY: &str = "control.free_time";
 
@@ -35,8 +35,8 @@ pub(super) fn free_time(
     if experiment.plant.equations().is_none() {
         return value(KEY, found(), "no such key with a plant whose equations are not known");
     }
-    let cost = control.cost.iter().flat_map(|cost| [&cost.stage, &cost.terminal]).flatten();
-    let with_time = cost.into_iter().any(|text| words(text).any(|name| name == "t"));
+    let mut cost = control.cost.iter().flat_map(CostSpec::texts);
+    let with_time = cost.any(|text| words(text).any(|name| name == "t"));
     let others = [
         ("`t` in [control.cost]", with_time),
         ("more than one of control.references", control.references.len() > 1),

@@ -21,7 +21,8 @@ use crate::plants::Plants;
 use crate::problem::nearest;
 use crate::registry::Variables;
 use crate::{
-    DataSpec, Experiment, ModelKind, OwnPlantSpec, PlantSpec, PredictionSpec, Problem, TrainingSpec,
+    CostSpec, DataSpec, Experiment, ModelKind, OwnPlantSpec, PlantSpec, PredictionSpec, Problem,
+    TrainingSpec,
 };
 use control::closed_loop;
 use pinc_expr::ExpressionError;
@@ -59,7 +60,7 @@ impl Experiment {
 
     fn all_sections(&self) -> Checked {
         directory_name(&self.name)?;
-        plant("plant", &self.plant, self.plants())?;
+        plant("plant", &self.plant, self)?;
         let variables = self.plant.variables();
         names::printable("plant", &self.plant)?;
         if let Some(plant) = self.control.as_ref().and_then(|control| control.plant.as_ref()) {
@@ -78,7 +79,7 @@ impl Experiment {
             free_run(prediction, &variables, self.net_step_s())?;
         }
         if let Some(control) = &self.control {
-            closed_loop(control, &variables, self.plants())?;
+            closed_loop(self, control, &variables)?;
             cost::expressions(self, control, &variables)?;
             free_time::free_time(self, control, &variables)?;
             integer::whole(control, &variables)?;
@@ -219,8 +220,8 @@ pub(crate) fn directory_name(name: &str) -> Checked {
 }
 
 /// A plant under the key `key`.
-fn plant(key: &str, plant: &PlantSpec, plants: &Plants) -> Checked {
-    let place = key;
+fn plant(key: &str, plant: &PlantSpec, experiment: &Experiment) -> Checked {
+    let (place, plants) = (key, experiment.plants());
     match plant {
         PlantSpec::VanDerPol(spec) if spec.mu < 0.0 => {
             value(&format!("{key}.van-der-pol.mu"), spec.mu, "0 or a positive number")
@@ -236,7 +237,10 @@ fn plant(key: &str, plant: &PlantSpec, plants: &Plants) -> Checked {
             constants(place, plant)
         }
         PlantSpec::Expression(equations) => {
-            equations.compile().map(drop).map_err(|error| expression_finding(key, error))
+            let costs = experiment.control.iter().filter_map(|control| control.cost.as_ref());
+            let costs: Vec<_> = costs.flat_map(CostSpec::texts).collect();
+            let compiled = equations.compile_beside(&costs);
+            compiled.map(drop).map_err(|error| expression_finding(key, error))
         }
         PlantSpec::Process(spec) => black_box::program(key, spec, plants),
         PlantSpec::Fmu(spec) => black_box::fmu(key, spec, plants),

@@ -218,6 +218,13 @@ fn parameters_are_used_and_finite() {
     });
     assert_eq!(found, ("parameters.c".to_owned(), ExpressionProblem::UnusedParameter));
     let found = problem(|e| {
+        _ = e.parameters.insert("c".to_owned(), 1.0);
+        e.compile_beside(&["2*b", "c[1] + x"]).unwrap();
+        let error = e.compile_beside(&["2*cc"]).unwrap_err();
+        assert_eq!(error.problem, ExpressionProblem::UnusedParameter);
+    });
+    assert_eq!(found.1, ExpressionProblem::UnusedParameter);
+    let found = problem(|e| {
         _ = e.parameters.insert("a".to_owned(), f64::INFINITY);
     });
     assert_eq!(found.1, ExpressionProblem::NotFinite(f64::INFINITY));

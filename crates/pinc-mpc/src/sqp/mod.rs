@@ -343,8 +343,8 @@ impl Sqp {
                 self.step_length.reset();
             }
             if self.hessian.current() == Hessian::Exact {
-                let damping = self.hessian.damping();
-                let purpose = Purpose::Step { settled: self.settled, damping };
+                let convexity = self.hessian.convexity();
+                let purpose = Purpose::Step { settled: self.settled, convexity };
                 match self.curve(model, input, plan, purpose, expired) {
                     Some(dropped) => {
                         self.dropped = dropped;

@@ -41,7 +41,7 @@ const GROWTH: f64 = 4.0;
 /// and has one solution. Where `T_j` would change by far more than the Hessian's largest entry, delta I is
 /// added to the Hessian of all unknowns instead, with the least delta of a sequence with which G is
 /// positive definite at all stages, as interior-point methods correct the inertia (Waechter and
-/// Biegler, Math. Program. 106 (2006), section 3.1).
+/// Biegler, Math. Program. 106 (2006), section 3.1); or so it is at once, by choice ([`Convexity`]).
 ///
 /// Before that, a program that is not convex may get curvature along its active rows, c'd = r for one
 /// with a multiplier: `rho (c'd - r)^2 / 2`, which is 0 at a solution that keeps the row active, like
@@ -64,6 +64,15 @@ pub struct Convexifier {
     /// T as it was.
     plain_t: Vec<f64>,
     holds: bool,
+}
+
+/// How a program is made convex.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Convexity {
+    /// This part of the Hessian's largest entry is added to its diagonal, before all else.
+    pub damping: f64,
+    /// Whether delta I is added where curvature is negative, however little T would change.
+    pub shifts: bool,
 }
 
 impl Convexifier {
@@ -101,9 +110,13 @@ impl Convexifier {
     }
 
     /// Makes `qp`, which has a stage cost, convex; whether negative curvature was dropped. Active rows
-    /// are held, if need be, where their `multipliers` are known. Before all else `damping` times its
-    /// largest entry is added to the diagonal.
-    pub fn apply(&mut self, qp: &mut Qp, multipliers: Option<&Multipliers>, damping: f64) -> bool {
+    /// are held, if need be, where their `multipliers` are known.
+    pub fn apply(
+        &mut self,
+        qp: &mut Qp,
+        multipliers: Option<&Multipliers>,
+        Convexity { damping, shifts }: Convexity,
+    ) -> bool {
         self.holds = false;
         let size = largest_entry(qp);
         if damping > 0.0 {
@@ -117,10 +130,10 @@ impl Convexifier {
             self.holds = true;
         }
         self.plain_t.copy_from_slice(&qp.t);
-        let dropped = self.recur(qp, false);
+        let dropped = self.recur(qp, shifts);
         let changes = qp.t.iter().zip(&self.plain_t).map(|(t, plain)| (t - plain).abs());
         let change = changes.fold(0.0, f64::max);
-        if dropped && (change > EXCESSIVE * size || !all_finite(&qp.t)) {
+        if dropped && (shifts || change > EXCESSIVE * size || !all_finite(&qp.t)) {
             qp.t.copy_from_slice(&self.plain_t);
             self.shift(qp, size);
         }

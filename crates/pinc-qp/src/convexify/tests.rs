@@ -80,7 +80,7 @@ fn a_program_with_one_minimum_is_left_as_it_is() {
     let mut qp = program(9.0);
     let t = qp.t.clone();
     assert!(least(&qp) > 0.1, "{}", least(&qp));
-    assert!(!Convexifier::new(qp.dims).apply(&mut qp, None, 0.0));
+    assert!(!Convexifier::new(qp.dims).apply(&mut qp, None, Convexity::default()));
     assert_eq!(qp.t, t);
 }
 
@@ -92,7 +92,7 @@ fn negative_curvature_is_found_and_dropped() {
     for step in -20..40 {
         let mut qp = program(0.25 * f64::from(step));
         let before = least(&qp);
-        let dropped = Convexifier::new(qp.dims).apply(&mut qp, None, 0.0);
+        let dropped = Convexifier::new(qp.dims).apply(&mut qp, None, Convexity::default());
         assert_eq!(dropped, before < 0.0, "{step}: {before}");
         assert!(least(&qp) > 0.0, "{step}: {}", least(&qp));
         changed += usize::from(dropped);
@@ -153,8 +153,11 @@ fn active_rows_are_held_where_they_are() {
         };
         qp.t[0] = -40.0;
         let before = qp.clone();
-        assert!(Convexifier::new(dims).apply(&mut before.clone(), None, 0.0));
-        assert!(!Convexifier::new(dims).apply(&mut qp, Some(&multipliers), 0.0), "{kind}");
+        assert!(Convexifier::new(dims).apply(&mut before.clone(), None, Convexity::default()));
+        assert!(
+            !Convexifier::new(dims).apply(&mut qp, Some(&multipliers), Convexity::default()),
+            "{kind}"
+        );
         let change = |d: f64| moved(&qp, d) - moved(&before, d);
         // rho (d - 0.3)^2 / 2 but for a constant: least at 0.3.
         let [least, below, above] = [0.3, 0.2, 0.4].map(change);
@@ -201,7 +204,7 @@ fn the_shift_is_as_large_as_it_must_be_and_no_larger() {
     (qp.s, qp.s_before) = (vec![0.2; 200], vec![-0.1; 200]);
     qp.t = vec![-0.05; 100];
     let (before, mut convexifier) = (qp.clone(), Convexifier::new(dims));
-    assert!(convexifier.apply(&mut qp, None, 0.0));
+    assert!(convexifier.apply(&mut qp, None, Convexity::default()));
     let shift = qp.t[0] - before.t[0];
     assert!((0.05..5.0).contains(&shift), "{shift}");
     let mut expected = before.clone();
@@ -216,15 +219,24 @@ fn the_shift_is_as_large_as_it_must_be_and_no_larger() {
     // Damped by as much, it is convex from the beginning.
     let mut damped = before.clone();
     let damping = shift / largest_entry(&damped);
-    assert!(!convexifier.apply(&mut damped, None, damping));
+    assert!(!convexifier.apply(&mut damped, None, Convexity { damping, shifts: false }));
     assert!((damped.t[0] - qp.t[0]).abs() < 1e-12);
 
     // Where little is missing, T alone changes.
-    let mut short = before;
+    let mut short = before.clone();
     short.a.fill(0.0);
     short.t.fill(-5.0);
     let q = short.q.clone();
-    assert!(convexifier.apply(&mut short, None, 0.0));
+    assert!(convexifier.apply(&mut short, None, Convexity::default()));
     assert_eq!(short.q, q);
     assert!(short.t.iter().any(|t| *t > -5.0));
+
+    // Or else all diagonals by as much, by choice.
+    (short.a, short.t) = (vec![0.0; 400], vec![-5.0; 100]);
+    let by = Convexity { damping: 0.0, shifts: true };
+    assert!(convexifier.apply(&mut short, None, by));
+    let shift = short.t[0] + 5.0;
+    assert!(short.t.iter().all(|t| (t - short.t[0]).abs() < 1e-12), "{:?}", short.t);
+    assert!(shift > 1.0 && (short.q[0] - before.q[0] - shift).abs() < 1e-12, "{shift}");
+    assert!(!convexifier.recur(&mut short, true));
 }

@@ -34,6 +34,18 @@ fn sound_configs_give_no_cause_for_warnings() {
     }
 }
 
+/// Two of its four states are without bounds.
+#[test]
+fn a_state_without_bounds_is_examined_near_its_start() {
+    let findings = findings("gallery/crane.toml", &[]);
+    warnings(&findings);
+    let finite = with(&findings, &["values and derivatives are finite"]);
+    let rates = numbers(&finite.what, "<= ");
+    let expected = [0.5, 1.5, 2.0, 5.3];
+    assert_eq!(rates.len(), expected.len(), "{finite}");
+    assert!(rates.iter().zip(expected).all(|(a, b)| (a - b).abs() < 0.05), "{finite}");
+}
+
 #[test]
 fn an_unknown_number_to_minimize_is_named() {
     let findings = findings("van-der-pol/search.toml", &["sweep.search.minimize=mse"]);

@@ -1,5 +1,6 @@
 //! First plans of shipped configs with a `[control.cost]`, against IPOPT's on the same
-//! discretization, as `benches/peers/casadi_cost.py` found them.
+//! discretization, as `benches/peers/casadi_cost.py` found them: beside ours for the double pendulum
+//! and the periodic reactor, where IPOPT finds worse minima from elsewhere.
 
 use crate::common::repository;
 use pinc_config::{Experiment, Plants};
@@ -26,7 +27,7 @@ fn answers() -> Vec<Answer> {
 #[test]
 fn first_plans_match_ipopt() {
     let answers = answers();
-    assert!(answers.len() >= 5, "{}", answers.len());
+    assert!(answers.len() >= 8, "{}", answers.len());
     for Answer { name, objective, inputs, status } in answers {
         assert_eq!(status, "Solve_Succeeded", "{name}");
         let path = repository(&format!("configs/gallery/{name}.toml"));

@@ -96,6 +96,63 @@ fn branch_and_bound_finds_the_best_of_all_switches() {
     assert_eq!(first_plan(FISHING, &few).0, SqpStatus::Rounded);
 }
 
+/// A battery between a grid and a load, by prices that are known ahead: it buys 4 kWh at .1 in the first
+/// two hours, evenly because of the losses, and the load has them when the price is .3.
+#[test]
+fn prices_may_change_and_are_known_ahead() {
+    let config = r#"
+name = "battery"
+preset = "ours"
+seed = 1
+[plant.expression]
+states = ["stored"]
+inputs = ["charge"]
+parameters = { price = 0.1, load = 1.0 }
+time_unit = "h"
+derivatives = { stored = "charge" }
+outputs = { grid = "load + charge" }
+[domain]
+state_low = [0.0]
+state_high = [5.0]
+input_low = [-2.0]
+input_high = [4.0]
+parameters = { price = [0.0, 1.0], load = [0.0, 5.0] }
+[control]
+models = ["rk4"]
+step_s = 1800.0
+duration_s = 14400.0
+initial_state = [0.0]
+n2 = 8
+nu = 8
+state_low = [0.0]
+input_low = [-2.0]
+input_high = [4.0]
+cost = { stage = "price*grid + 1e-3*charge^2" }
+parameter_schedule = [{ start_s = 0.0, values = { price = 0.1 } }, { start_s = 7200.0, values = { price = 0.3, load = 2.0 } }]
+plant_schedule = [{ start_s = 7200.0, values = { load = 2.0 } }]
+parameter_preview = true
+"#;
+    let mut config = config.to_owned();
+    let dir = tempfile::tempdir().unwrap();
+    let path = dir.path().join("battery.toml");
+    let mut costs = Vec::new();
+    for preview in ["true", "false"] {
+        std::fs::write(&path, &config).unwrap();
+        let mut command = pinc(&["control"]);
+        command.arg(&path).arg("--out").arg(dir.path().join(preview));
+        assert_eq!(outcome(&mut command).code, Some(0));
+        let metrics = std::fs::read_to_string(dir.path().join(preview).join("metrics.json"));
+        let metrics: Value = serde_json::from_str(&metrics.unwrap()).unwrap();
+        costs.push(metrics["control"][0]["cost"]["first_plan"].as_f64().unwrap());
+        config = config.replace("parameter_preview = true", "parameter_preview = false");
+    }
+    // 2 h of (1 + 2) kW at .1, losses of 2^2 in all 4 h; without preview nothing is bought for later.
+    assert!((costs[0] - (0.6 + 0.016)).abs() < 1e-7, "{costs:?}");
+    assert!((costs[1] - 0.4).abs() < 1e-7, "{costs:?}");
+    let unused = parse(&config.replace("price*grid", "0.1*grid"), &[]).unwrap_err();
+    assert!(unused.contains("`plant.expression.parameters.price`: no expression"), "{unused}");
+}
+
 /// Rates and costs per hour over hours are those per second over seconds.
 #[test]
 fn a_cost_is_integrated_in_the_equations_unit_of_time() {

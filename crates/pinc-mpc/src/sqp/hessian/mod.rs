@@ -4,6 +4,7 @@
 mod tests;
 
 use crate::SqpHessian;
+use pinc_qp::Convexity;
 
 /// The Hessian of a program.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -34,7 +35,7 @@ const SHORT: f64 = 0.1;
 ///
 /// An iteration begins with Gauss-Newton. Where a Hessian is slow, the other one is tried. There is no
 /// choice where [`SqpConfig::hessian`](crate::SqpConfig) leaves none, and with a stage cost that leaves
-/// out its Hessian, which has the exact one throughout.
+/// out its Hessian, which has the exact one throughout: where that is slow, it is made convex otherwise.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct HessianChoice {
     only: Option<Hessian>,
@@ -44,7 +45,7 @@ pub(super) struct HessianChoice {
     /// From which program on it is judged.
     judged_from: usize,
     has_been_slow: bool,
-    damping: f64,
+    convexity: Convexity,
 }
 
 impl HessianChoice {
@@ -66,7 +67,7 @@ impl HessianChoice {
             least: [f64::INFINITY; WINDOW],
             judged_from: PATIENCE,
             has_been_slow: false,
-            damping: 0.0,
+            convexity: Convexity::default(),
         }
     }
 
@@ -95,9 +96,9 @@ impl HessianChoice {
         self.judged_from = programs + PATIENCE;
     }
 
-    /// What is added to the diagonal of the exact Hessian, as part of its largest entry.
-    pub(super) fn damping(&self) -> f64 {
-        self.damping
+    /// How the exact Hessian is made convex.
+    pub(super) fn convexity(&self) -> Convexity {
+        self.convexity
     }
 
     /// Takes note of the part of a step that was taken: after a short one the next one is damped, as
@@ -106,16 +107,15 @@ impl HessianChoice {
         if length < SHORT {
             self.damp();
         } else {
-            self.damping /= DAMPING_FACTOR;
-            if self.damping < FIRST_DAMPING {
-                self.damping = 0.0;
-            }
+            let damping = self.convexity.damping / DAMPING_FACTOR;
+            self.convexity.damping = if damping < FIRST_DAMPING { 0.0 } else { damping };
         }
     }
 
     fn damp(&mut self) {
         if self.only == Some(Hessian::Exact) {
-            self.damping = (DAMPING_FACTOR * self.damping).clamp(FIRST_DAMPING, MOST_DAMPING);
+            let damping = &mut self.convexity.damping;
+            *damping = (DAMPING_FACTOR * *damping).clamp(FIRST_DAMPING, MOST_DAMPING);
         }
     }
 
@@ -123,20 +123,23 @@ impl HessianChoice {
     /// another, or the same with more damping.
     pub(super) fn give_up(&mut self, programs: usize) -> bool {
         if self.only == Some(Hessian::Exact) {
-            let before = self.damping;
+            let before = self.convexity.damping;
             self.damp();
-            return self.damping > before;
+            return self.convexity.damping > before;
         }
         self.current == Hessian::Exact && self.change(programs)
     }
 
     /// Takes the other Hessian, if there is one.
     fn change(&mut self, programs: usize) -> bool {
-        if let Some(only) = self.only {
-            self.has_been_slow |= only == Hessian::Exact;
+        if self.only == Some(Hessian::GaussNewton) {
             return false;
         }
         (self.judged_from, self.has_been_slow) = (programs + PATIENCE, true);
+        if self.only.is_some() {
+            self.convexity.shifts ^= true;
+            return false;
+        }
         self.current = match self.current {
             Hessian::GaussNewton => Hessian::Exact,
             Hessian::Exact => Hessian::GaussNewton,

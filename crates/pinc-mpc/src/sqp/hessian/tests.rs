@@ -31,24 +31,34 @@ fn only_the_exact_hessian_is_given_up() {
     assert!((0..=8).any(|k| choice.judge(k, 1.0)));
     assert!(choice.give_up(10));
     assert_eq!(choice.current(), Hessian::GaussNewton);
-    assert!(choice.damping() <= 0.0);
+    assert!(choice.convexity().damping <= 0.0);
 }
 
 #[test]
 fn an_exact_hessian_without_an_alternative_is_damped_until_its_steps_are_good() {
     let mut choice = HessianChoice::new(Some(Hessian::Exact));
     assert!(choice.give_up(1));
-    let first = choice.damping();
+    let first = choice.convexity().damping;
     assert!(first > 0.0);
     // A short step, and long ones.
     choice.take_note(0.05);
-    assert!(choice.damping() > 5.0 * first);
+    assert!(choice.convexity().damping > 5.0 * first);
     choice.take_note(0.5);
-    assert!((choice.damping() - first).abs() < 1e-9 * first);
+    assert!((choice.convexity().damping - first).abs() < 1e-9 * first);
     choice.take_note(1.0);
-    assert!(choice.damping() <= 0.0);
+    assert!(choice.convexity().damping <= 0.0);
     // In the end it is no better.
     assert!((0..20).any(|k| !choice.give_up(k)));
+}
+
+#[test]
+fn an_exact_hessian_that_is_slow_is_made_convex_otherwise() {
+    let mut choice = HessianChoice::new(Some(Hessian::Exact));
+    let shifts = (0..24).map(|k| (choice.judge(k, 1.0), choice.convexity().shifts).1);
+    assert_eq!(shifts.collect::<Vec<_>>(), [[false; 8], [true; 8], [false; 8]].concat());
+    let mut only = HessianChoice::new(Some(Hessian::GaussNewton));
+    (0..24).for_each(|k| assert!(!only.judge(k, 1.0)));
+    assert!(!only.convexity().shifts && !only.has_been_slow());
 }
 
 #[test]
