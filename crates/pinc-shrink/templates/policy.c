@@ -97,14 +97,15 @@ void pinc_policy_plan(const PINC_REAL x[PINC_NX], const PINC_REAL reference[PINC
     project(u_before, plan);
 }
 
-/* By how much points of interval j are outside bounds; later ones count less. */
-static void limit(pinc_vector z[PINC_GROUPS][PINC_ROW], int j, int first, int end,
+/* By how much points of interval j are outside the bounds from `from` to `to`; later ones count
+   less. */
+static void limit(pinc_vector z[PINC_GROUPS][PINC_ROW], int j, int first, int from, int to,
                   pinc_vector violation[PINC_GROUPS])
 {
     int g;
     int n;
-    for (g = 0; g < PINC_GROUPS; g++) {
-        for (n = first; n < end; n++) {
+    for (g = first; g < PINC_GROUPS; g++) {
+        for (n = from; n < to; n++) {
             const pinc_vector value = z[g][bounded[n]];
             const int at = (j * BOUNDED) + n;
             const pinc_vector outside = pinc_larger(bound_low[at] - value, value - bound_high[at]);
@@ -142,7 +143,16 @@ static void rate(const PINC_REAL start[PINC_NX], const PINC_REAL reference[PINC_
         }
     }
     for (j = 0; j < @HORIZON@; j++) {
-        for (g = 0; (j < @CONTROLS@) && (g < PINC_GROUPS); g++) {
+        /* The first two plans part with the last input: where each is a group of its own, the first
+           goes on from the second there. */
+        const int first = ((PINC_LANES == 1) && ((j + 1) < @CONTROLS@)) ? 1 : 0;
+        if ((PINC_LANES == 1) && ((j + 1) == @CONTROLS@)) {
+            memcpy(z[0], z[1], sizeof(z[0]));
+            cost[0] = cost[1];
+            violation[0] = violation[1];
+            finite[0] = finite[1];
+        }
+        for (g = first; (j < @CONTROLS@) && (g < PINC_GROUPS); g++) {
             for (i = 0; i < PINC_NU; i++) {
                 change[i] = plans[g][(j * PINC_NU) + i] - z[g][PINC_NX + i];
                 z[g][PINC_NX + i] = plans[g][(j * PINC_NU) + i];
@@ -152,15 +162,15 @@ static void rate(const PINC_REAL start[PINC_NX], const PINC_REAL reference[PINC_
             }
         }
 #if BOUNDED > BOUNDED_ENDS
-        pinc_outputs_of(z);
-        limit(z, j, BOUNDED_ENDS, BOUNDED, violation);
+        pinc_outputs_of(z, first);
+        limit(z, j, first, BOUNDED_ENDS, BOUNDED, violation);
 #endif
-        pinc_advance(z);
+        pinc_advance(z, first);
 #if @OUTPUTS@ > 0
-        pinc_outputs_of(z);
+        pinc_outputs_of(z, first);
 #endif
-        limit(z, j, 0, BOUNDED_ENDS, violation);
-        for (g = 0; g < PINC_GROUPS; g++) {
+        limit(z, j, first, 0, BOUNDED_ENDS, violation);
+        for (g = first; g < PINC_GROUPS; g++) {
             for (i = 0; i < PINC_ROW; i++) {
                 finite[g] += z[g][i] - z[g][i];
             }
@@ -222,7 +232,10 @@ int pinc_policy_step(pinc_policy *policy, const PINC_REAL x[PINC_NX],
             const PINC_REAL part = is_last ? PINC_N(1) : parts[plan];
             trial[i] = ((PINC_N(1) - part) * policy->plan[i]) + (part * candidate[i]);
         }
-        project(policy->u, trial);
+        /* The shifted plan and the net's are in their bounds. */
+        if ((plan > 0) & (plan < PINC_POINTS - 1)) {
+            project(policy->u, trial);
+        }
         for (i = 0; i < PINC_POLICY_INPUTS; i++) {
             PINC_LANE(plans[k / PINC_LANES][i], k % PINC_LANES) = trial[i];
         }

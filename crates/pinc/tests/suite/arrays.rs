@@ -19,7 +19,7 @@ fn an_array_is_one_line() {
     let rod = findings("distributed/rod.toml", &["control.duration_s=50"]);
     let said = text(&rod);
     assert!(rod.iter().all(|finding| finding.severity != Severity::Error), "{said}");
-    assert!(said.contains("20 states: T[1..20] (C); 1 input: P (W)"), "{said}");
+    assert!(said.contains("20 states: T[1..20] (degC); 1 input: P (W)"), "{said}");
     let held = "T[4] = 120 is held at T[1..20] = 55.40";
     assert!(said.contains(held), "{said}");
     assert!(rod.len() <= 20, "{said}");
