@@ -54,15 +54,12 @@ class Symbol(NDArrayOperatorsMixin):
             return ufunc(*(np.asarray(one, dtype=object) for one in given))
         return Symbol(form, tuple(_symbol(one) for one in given))
 
-
-def _method(form: str) -> Callable[[Symbol], Symbol]:
-    return lambda self: Symbol(form, (self,))
-
-
-# NumPy looks for these in arrays of symbols.
-for _name, _form in _FORMS.items():
-    if _form.count("{}") == 1:
-        setattr(Symbol, _name, _method(_form))
+    def __getattr__(self, name: str) -> Any:
+        """The method that NumPy looks for in arrays of symbols."""
+        form = _FORMS.get(name, "")
+        if form.count("{}") != 1:
+            raise AttributeError(name)
+        return lambda: Symbol(form, (self,))
 
 
 def _symbol(given: Any) -> Symbol:
