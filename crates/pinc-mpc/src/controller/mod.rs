@@ -422,6 +422,9 @@ impl Nmpc {
         let unknown = self.plan_state != PlanState::Evaluated;
         let rolled_out = is_cold && self.rolls_out();
         if outcome.status == SqpStatus::NumericalTrouble && (unknown || rolled_out) {
+            if rolled_out {
+                self.plan.copy_from(&self.fallback);
+            }
             self.plan.stay_at(&self.start);
             self.sqp.project(&mut self.plan, &self.previous);
             outcome = self.optimize(reference, expired);

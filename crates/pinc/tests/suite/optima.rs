@@ -167,3 +167,36 @@ first_plan = { input = [0.0, 0.0] }
     let cost = first_cost(text);
     assert!((cost + 41.387_450_848).abs() < 1e-6, "{cost}");
 }
+
+/// Where its first inputs lead, in stretched time, x1 is almost beyond all bounds: the plan is found from
+/// states that stay where they are.
+#[test]
+fn a_first_plan_that_leads_far_away_begins_anew() {
+    let text = r#"
+name = "escapes"
+preset = "ours"
+seed = 1
+[plant.expression]
+states = ["x0", "x1", "x2", "x3"]
+inputs = ["u0", "stretch"]
+derivatives = { x0 = "(-0.9773*x0) + (-0.1*x0^3) + (-0.9316*x1*u0) + (-0.9661*tanh(x2)) + (0.9598*u0)", x1 = "(-0.5440*x1) + (-0.1*x1^3) + (0.4447*sin(1.2515*x0)) + (-0.9173*x1^2) + (0.6491*u0)", x2 = "(-0.9162*x2) + (-0.1*x2^3) + (-0.7782*sqrt(1 + x0^2))", x3 = "(-0.8228*x3) + (-0.1*x3^3) + (-0.7126*tanh(x3)) + (-0.2925*x3*x1)" }
+[control.cost]
+stage = "(0.6479*x1*u0) + (-0.8290*sqrt(1 + x1^2)) + (0.1052*x0*u0) + (0.4275*u0^2) + (1)"
+[control]
+models = ["rk4"]
+step_s = 0.338
+duration_s = 0.338
+rk4_substeps = 2
+initial_state = [-0.9399311386364941, 0.22180628631408483, -0.23786691489266598, 0.5986710678524976]
+n2 = 15
+nu = 9
+input_low = { u0 = -1.331140363838098, stretch = 0.4 }
+input_high = { u0 = 0.3118939468420092, stretch = 3.0 }
+sqp = { max_iterations = 300 }
+free_time = "stretch"
+end_state = { x0 = -1.320807011302381 }
+initial_input = { u0 = 0.0, stretch = 1.0 }
+"#;
+    let cost = first_cost(text);
+    assert!((cost + 16.574_483_232).abs() < 1e-6, "{cost}");
+}
