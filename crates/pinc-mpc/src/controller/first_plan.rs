@@ -33,6 +33,18 @@ impl Nmpc {
         Ok(())
     }
 
+    /// Whether the states of a first guess follow from its inputs: with an economic cost.
+    pub(super) fn rolls_out(&self) -> bool {
+        self.sqp.transcription.leaves_out_hessian() && self.problem.tree().is_chain()
+    }
+
+    /// Begins the first plan at `x`.
+    pub(super) fn place(&mut self, x: &[f64]) {
+        self.plan.stay_at(x);
+        let rolls_out = self.rolls_out();
+        self.guess = if rolls_out { Guess::Given } else { Guess::Warm { fallback: false } };
+    }
+
     /// Makes the caller's plan the first guess.
     #[inline(never)]
     pub(super) fn roll_out_given(&mut self) {

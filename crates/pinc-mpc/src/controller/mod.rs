@@ -233,7 +233,8 @@ impl Nmpc {
     }
 
     /// Begins anew at a plant that is at `x` and has been given `u_applied` so far: that is
-    /// u\[k-1\] and all that is under way, and the first plan stays at `x` and holds `u_applied`.
+    /// u\[k-1\] and all that is under way, and the first plan stays at `x` and holds `u_applied`. With a
+    /// stage cost its states follow from these inputs.
     ///
     /// # Shapes
     ///
@@ -269,12 +270,6 @@ impl Nmpc {
         self.plan.hold(u_applied);
         self.guess = Guess::Held;
         Ok(())
-    }
-
-    /// Begins the first plan at `x`.
-    fn place(&mut self, x: &[f64]) {
-        self.plan.stay_at(x);
-        self.guess = Guess::Warm { fallback: false };
     }
 
     /// Checks an input for [`Nmpc::set_applied_input`], for callers that have more to do with it.
@@ -425,7 +420,11 @@ impl Nmpc {
         }
         let mut outcome = planned.unwrap_or_else(|| self.optimize(reference, expired));
         let unknown = self.plan_state != PlanState::Evaluated;
-        if outcome.status == SqpStatus::NumericalTrouble && unknown {
+        let rolled_out = is_cold && self.rolls_out();
+        if outcome.status == SqpStatus::NumericalTrouble && (unknown || rolled_out) {
+            if rolled_out {
+                self.plan.copy_from(&self.fallback);
+            }
             self.plan.stay_at(&self.start);
             self.sqp.project(&mut self.plan, &self.previous);
             outcome = self.optimize(reference, expired);

@@ -71,7 +71,11 @@ impl Sqp {
                     KktResidual::new(&self.qp, &self.base, &mut self.work)
                 }
             };
-            if outcome.last.bounds > self.config.tolerance {
+            let tolerance = self.config.tolerance;
+            if outcome.last.max() <= tolerance && outcome.status == SqpStatus::Stalled {
+                outcome.status = SqpStatus::Converged;
+            }
+            if outcome.last.bounds > tolerance {
                 let limits = self.qp.limits().into_iter().flat_map(|(kind, limits)| {
                     limits.iter().enumerate().map(move |(index, limits)| (kind, index, limits))
                 });

@@ -81,7 +81,7 @@ pub(crate) struct Sqp {
 }
 
 /// A point with its residual and cost.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 struct Point {
     kkt: KktResidual,
     cost: f64,
@@ -381,6 +381,8 @@ impl Sqp {
 
             // alpha, z, lambda
             match self.search(model, input, plan, (point, least), expired) {
+                // The elastic weight may make too much of rounding.
+                Search::Found(next) if self.elastic && next == point => break SqpStatus::Stalled,
                 Search::Found(next) => point = next,
                 Search::Expired => break SqpStatus::Deadline,
                 Search::Unevaluated => {

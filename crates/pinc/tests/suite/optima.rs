@@ -51,6 +51,18 @@ fn first_plans_match_ipopt() {
     }
 }
 
+/// The cost of a config's first plan, which converges.
+#[track_caller]
+fn first_cost(text: &str) -> f64 {
+    let experiment =
+        Experiment::parse("text.toml".as_ref(), text, &[], &Plants::built_in()).unwrap();
+    let mut controller = LiveController::new(&experiment, None, None, "the test").unwrap();
+    let start = controller.spec().initial_state.clone();
+    let step = controller.step(&start, Follow::Config, None).unwrap();
+    assert_eq!(step.status, SqpStatus::Converged);
+    step.cost.expect("a config with a cost")
+}
+
 /// Two rods are swung up past an obstacle, over 100 stages of unstable dynamics. From the same start IPOPT
 /// ends at 108.0968.
 #[test]
@@ -117,12 +129,74 @@ input_high = [1.6310512987993186]
 sqp = { max_iterations = 100 }
 r = [0.2506080283289293]
 "#;
-    let experiment =
-        Experiment::parse("text.toml".as_ref(), text, &[], &Plants::built_in()).unwrap();
-    let mut controller = LiveController::new(&experiment, None, None, "the test").unwrap();
-    let start = controller.spec().initial_state.clone();
-    let step = controller.step(&start, Follow::Config, None).unwrap();
-    assert_eq!(step.status, SqpStatus::Converged);
-    let cost = step.cost.expect("a config with a cost");
+    let cost = first_cost(text);
     assert!((cost + 0.555_098_879_559_826_6).abs() < 1e-8, "{cost}");
+}
+
+/// Its linearized constraints contradict each other at first, so that hard ones become soft. At the end the
+/// weight of their violations times what rounding leaves of these is above the tolerance.
+#[test]
+fn a_plan_that_keeps_hard_bounds_to_rounding_is_converged() {
+    let text = r#"
+name = "kept"
+preset = "ours"
+seed = 1
+[plant.expression]
+states = ["x0", "x1", "x2"]
+inputs = ["u0", "u1"]
+derivatives = { x0 = "(-0.5844*x0) + (-0.1*x0^3) + (0.8687*sin(0.8568*x0)) + (0.7000*sin(0.5333*x0)) + (0.3143*u0)", x1 = "(-0.3232*x1) + (-0.1*x1^3) + (-0.8044*x1*x1) + (0.6460*u1)", x2 = "(-0.6134*x2) + (-0.1*x2^3) + (0.9765*sin(-1.2851*x2)) + (0.4082*u0)" }
+outputs = { y = "(-0.7368*exp(-x0^2)) + (-0.9465*cos(0.7298*x0))" }
+[control.cost]
+stage = "(0.7551*x1*u0) + (0.8497*x0) + (0.3594*u0^2) + (0.4614*u1^2)"
+terminal = "(-0.9271*cos(-1.4614*x0)) + (0.5180*x1)"
+[control]
+models = ["rk4"]
+step_s = 0.281
+duration_s = 0.281
+rk4_substeps = 1
+initial_state = [-0.933946586560912, -0.9140022149776477, 0.30033334195630146]
+n2 = 20
+nu = 20
+input_low = { u0 = -1.079979647671322, u1 = -0.2850211734704122 }
+input_high = { u0 = 1.6090811075657552, u1 = 1.3797257385698345 }
+sqp = { max_iterations = 300 }
+output_low = { y = -inf }
+output_high = { y = -0.9278734802300043 }
+first_plan = { input = [0.0, 0.0] }
+"#;
+    let cost = first_cost(text);
+    assert!((cost + 41.387_450_848).abs() < 1e-6, "{cost}");
+}
+
+/// Where its first inputs lead, in stretched time, x1 is almost beyond all bounds: the plan is found from
+/// states that stay where they are.
+#[test]
+fn a_first_plan_that_leads_far_away_begins_anew() {
+    let text = r#"
+name = "escapes"
+preset = "ours"
+seed = 1
+[plant.expression]
+states = ["x0", "x1", "x2", "x3"]
+inputs = ["u0", "stretch"]
+derivatives = { x0 = "(-0.9773*x0) + (-0.1*x0^3) + (-0.9316*x1*u0) + (-0.9661*tanh(x2)) + (0.9598*u0)", x1 = "(-0.5440*x1) + (-0.1*x1^3) + (0.4447*sin(1.2515*x0)) + (-0.9173*x1^2) + (0.6491*u0)", x2 = "(-0.9162*x2) + (-0.1*x2^3) + (-0.7782*sqrt(1 + x0^2))", x3 = "(-0.8228*x3) + (-0.1*x3^3) + (-0.7126*tanh(x3)) + (-0.2925*x3*x1)" }
+[control.cost]
+stage = "(0.6479*x1*u0) + (-0.8290*sqrt(1 + x1^2)) + (0.1052*x0*u0) + (0.4275*u0^2) + (1)"
+[control]
+models = ["rk4"]
+step_s = 0.338
+duration_s = 0.338
+rk4_substeps = 2
+initial_state = [-0.9399311386364941, 0.22180628631408483, -0.23786691489266598, 0.5986710678524976]
+n2 = 15
+nu = 9
+input_low = { u0 = -1.331140363838098, stretch = 0.4 }
+input_high = { u0 = 0.3118939468420092, stretch = 3.0 }
+sqp = { max_iterations = 300 }
+free_time = "stretch"
+end_state = { x0 = -1.320807011302381 }
+initial_input = { u0 = 0.0, stretch = 1.0 }
+"#;
+    let cost = first_cost(text);
+    assert!((cost + 16.574_483_232).abs() < 1e-6, "{cost}");
 }
