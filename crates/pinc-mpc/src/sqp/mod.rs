@@ -289,8 +289,7 @@ impl Sqp {
         self.leave_elastic();
         self.transcription.close_orbit(input.x0);
         self.choose_units(input.x0, Some(input.targets));
-        let at = [input.x0, &plan.z];
-        if self.transcription.choose_cost(at, input.targets, &mut self.trial) {
+        if self.transcription.choose_cost([input.x0, &plan.z], input.targets, &mut self.trial) {
             self.rebuild_programs();
         }
         self.convert(plan, false);
