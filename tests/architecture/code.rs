@@ -1,5 +1,6 @@
 //! Rust files as text: what of them is code, and which modules are tests.
 
+use std::fs;
 use std::path::{Path, PathBuf};
 
 /// The modules in files of their own, without ending, that `path` declares for tests only.
@@ -109,4 +110,23 @@ fn quoted(rest: &str, quote: char) -> usize {
 /// The identifiers and numbers of some code, in order.
 pub(crate) fn words(code: &str) -> impl Iterator<Item = &str> {
     code.split(|c: char| !(c.is_alphanumeric() || c == '_')).filter(|word| !word.is_empty())
+}
+
+/// All Rust files below `folder`, sorted.
+pub(crate) fn rust_files(folder: &Path) -> Vec<PathBuf> {
+    let entries = match fs::read_dir(folder) {
+        Ok(entries) => entries,
+        Err(error) => panic!("{}: {error}", folder.display()),
+    };
+    let mut files = Vec::new();
+    for entry in entries {
+        let path = entry.expect("a readable folder").path();
+        if path.is_dir() {
+            files.extend(rust_files(&path));
+        } else if path.extension().is_some_and(|e| e == "rs") {
+            files.push(path);
+        }
+    }
+    files.sort();
+    files
 }

@@ -3,7 +3,7 @@
 
 mod code;
 
-use code::{code, files_of_tests, words};
+use code::{code, files_of_tests, rust_files, words};
 use std::collections::BTreeSet;
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -241,25 +241,6 @@ fn dependencies<'t>(manifest: &'t Table, key: &str) -> BTreeSet<&'t str> {
 
 fn of_ours(names: BTreeSet<&str>) -> BTreeSet<&str> {
     names.into_iter().filter(|name| name.starts_with("pinc")).collect()
-}
-
-/// All Rust files below `folder`, sorted.
-fn rust_files(folder: &Path) -> Vec<PathBuf> {
-    let entries = match fs::read_dir(folder) {
-        Ok(entries) => entries,
-        Err(error) => panic!("{}: {error}", folder.display()),
-    };
-    let mut files = Vec::new();
-    for entry in entries {
-        let path = entry.expect("a readable folder").path();
-        if path.is_dir() {
-            files.extend(rust_files(&path));
-        } else if path.extension().is_some_and(|e| e == "rs") {
-            files.push(path);
-        }
-    }
-    files.sort();
-    files
 }
 
 /// The sources of a crate, as (path from the root, text).
