@@ -51,14 +51,15 @@ class Loop:
         if "stages_s" in control:
             self.step_s = control["stages_s"][0]
         self.kind = next(kind for kind in control.get("models", ["rk4"]) if kind in INTEGRATORS)
-        # References and what happens to the plant within the steps that are taken.
+        # References and what happens to the plant within the steps that are taken; functions of time
+        # stay as they are.
         within = {
-            key: [{**change, "start_s": 3 * i * self.step_s} for i, change in begins]
-            for key, begins in (
-                ("references", enumerate(control.get("references", [])[:4])),
-                ("plant_schedule", enumerate(control.get("plant_schedule", [])[:3], start=1)),
-            )
-            if key in control
+            key: [
+                {**change, "start_s": 3 * i * self.step_s}
+                for i, change in enumerate(control[key][:most], start=first)
+            ]
+            for key, most, first in (("references", 4, 0), ("plant_schedule", 3, 1))
+            if isinstance(control.get(key), list)
         }
         shortened = {
             "models": [self.kind],
