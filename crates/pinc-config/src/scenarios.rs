@@ -61,18 +61,15 @@ impl ScenarioSpec {
         let place = |name: &String| names.iter().position(|known| known == name);
         let places = self.values.keys().filter_map(place).collect();
         let values: Vec<Vec<f64>> = self.values.values().cloned().collect();
+        let branch = |i| values.iter().map(|values| values[i]).collect();
+        let horizon = self.robust_horizon;
         let mut scenarios = match self.combine {
-            Combine::All => Scenarios::grid(places, &values, self.robust_horizon),
+            Combine::All => Scenarios::grid(places, &values, horizon),
             Combine::InOrder => {
-                let branches = values.first().map_or(0, Vec::len);
-                let branch = |i| values.iter().map(|values| values[i]).collect();
-                let branches = (0..branches).map(branch).collect();
-                Scenarios::list(places, branches, self.robust_horizon)
+                let branches = 0..values.first().map_or(0, Vec::len);
+                Scenarios::list(places, branches.map(branch).collect(), horizon)
             }
-            Combine::Draws(count) => {
-                let branches = drawn(&values, count, seed);
-                Scenarios::list(places, branches, self.robust_horizon)
-            }
+            Combine::Draws(count) => Scenarios::list(places, drawn(&values, count, seed), horizon),
         };
         if let Some(weights) = &self.weights {
             let sum: f64 = weights.iter().sum();

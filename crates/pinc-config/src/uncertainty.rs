@@ -213,8 +213,8 @@ impl UncertaintySpec {
             error: parts.error,
         };
         let sizes = (dims, problem.horizon);
-        EllipsoidTube::new(sizes, sources, Some(parts.model), self.feedback(), units)
-            .map(|tube| tube.tightening_inputs(self.tighten_inputs))
-            .map(|tube| tube.tightening_programs(self.tightenings))
+        EllipsoidTube::new(sizes, sources, Some(parts.model), self.feedback(), units).map(|tube| {
+            tube.tightening_inputs(self.tighten_inputs).tightening_programs(self.tightenings)
+        })
     }
 }

@@ -118,6 +118,7 @@ pub(crate) fn controller_sources(
     let guarded = set_guard(&mut t, controller);
     set_unknowns(&mut t, controller, dims)?;
     set_start(&mut t, controller, origin, dims)?;
+    set_tube(&mut t, controller, dims);
     let looks = controller.optimizes_outputs();
     t.set("OUTPUTS", if looks { include_str!("../templates/mpc_outputs.c") } else { "" })
         .set("INCLUDE", [if looks { INCLUDE_OUTPUTS } else { "" }, guarded].concat());
@@ -279,7 +280,12 @@ fn output_rows(
         .set("OUTPUT_WIDTH", here().count())
         .set("OUTPUT_STARTS", u8::from(!through.is_empty()))
         .set("ALL_OUTPUT_ROWS", low.len() + stages * through.len());
-    set_tube(t, controller, dims, [!rows.is_empty(), !through.is_empty()])?;
+    if controller.tube.is_some() && !through.is_empty() {
+        return Err(ExportError::Feature {
+            feature: "control.uncertainty with bounds on outputs that depend on the input",
+            instead: "bounds on states and inputs, or `pinc serve`",
+        });
+    }
     let pick = |of: &dyn Fn(usize, usize) -> f64| -> Vec<f64> {
         rows.iter().map(|&(j, o, _)| of(j, o)).collect()
     };

@@ -1,6 +1,5 @@
 //! The tube of a controller in C.
 
-use crate::ExportError;
 use crate::controller::Controller;
 use crate::template::{Template, array, constant};
 use pinc_ode::Dims;
@@ -44,20 +43,14 @@ const GAINS: &str = "    PINC_REAL gains[PINC_N2 * PINC_NU * PINC_NX];\n";
 
 const BEGIN: &str = "    pinc_copy(m->tight_low, m->low, PINC_UNKNOWNS);
     pinc_copy(m->tight_high, m->high, PINC_UNKNOWNS);
-";
-
-const BEGIN_OUTPUTS: &str = "    pinc_copy(m->tight_output_low, pinc_output_low, PINC_OUTPUT_ROWS);
+#if PINC_OUTPUT_ROWS > 0
+    pinc_copy(m->tight_output_low, pinc_output_low, PINC_OUTPUT_ROWS);
     pinc_copy(m->tight_output_high, pinc_output_high, PINC_OUTPUT_ROWS);
+#endif
 ";
 
-/// Fills what tightens the bounds of a controller with a tube; `bounds_outputs` says whether outputs have
-/// bounds, `at_starts` whether some depend on the input.
-pub(crate) fn set_tube(
-    t: &mut Template,
-    controller: &Controller<'_>,
-    dims: Dims,
-    [bounds_outputs, at_starts]: [bool; 2],
-) -> Result<(), ExportError> {
+/// Fills what tightens the bounds of a controller with a tube.
+pub(crate) fn set_tube(t: &mut Template, controller: &Controller<'_>, dims: Dims) {
     let Some(tube) = controller.tube else {
         for key in
             ["TUBE", "TUBE_TABLES", "TUBE_FIELD", "TUBE_MEMORY", "BEGIN_TUBE", "TIGHTEN", "FIT"]
@@ -65,14 +58,8 @@ pub(crate) fn set_tube(
             t.set(key, "");
         }
         t.set("HAS_TUBE", 0);
-        return Ok(());
+        return;
     };
-    if at_starts {
-        return Err(ExportError::Feature {
-            feature: "control.uncertainty with bounds on outputs that depend on the input",
-            instead: "bounds on states and inputs, or `pinc serve`",
-        });
-    }
     let units = controller.units(dims);
     let scaled = |list: &[f64]| -> Vec<f64> {
         let all = list.iter().copied().chain(std::iter::repeat(0.0));
@@ -102,14 +89,12 @@ pub(crate) fn set_tube(
         array("process_variance", &variances),
         array("box", &scaled(&tube.boxes)),
     );
-    let outputs = if bounds_outputs { BEGIN_OUTPUTS } else { "" };
     t.set("HAS_TUBE", 1)
         .set("TUBE", include_str!("../templates/mpc_tube.c"))
         .set("TUBE_TABLES", tables)
         .set("TUBE_FIELD", FIELD)
         .set("TUBE_MEMORY", [MEMORY, if number == 2 { GAINS } else { "" }].concat())
-        .set("BEGIN_TUBE", [BEGIN, outputs].concat())
+        .set("BEGIN_TUBE", BEGIN)
         .set("TIGHTEN", "    pinc_tighten(m, reference);\n")
         .set("FIT", "    m->fits = pinc_fits(m);\n");
-    Ok(())
 }
