@@ -54,7 +54,7 @@ impl AsWritten {
 }
 
 /// What there is one number of per variable.
-const PER_STATE: [&str; 16] = [
+const PER_STATE: [&str; 19] = [
     "domain.state_low",
     "domain.state_high",
     "validation.domain.state_low",
@@ -71,8 +71,11 @@ const PER_STATE: [&str; 16] = [
     "control.estimator.initial_sd",
     "control.estimator.low",
     "control.estimator.high",
+    "control.uncertainty.process_sd",
+    "identify.initial_state",
+    "identify.fixed_initial_state",
 ];
-const PER_INPUT: [&str; 14] = [
+const PER_INPUT: [&str; 15] = [
     "domain.input_low",
     "domain.input_high",
     "validation.domain.input_low",
@@ -87,6 +90,7 @@ const PER_INPUT: [&str; 14] = [
     "control.increment_low",
     "control.increment_high",
     "control.input_differences.*.weight",
+    "control.first_plan.input",
 ];
 const PER_OUTPUT: [&str; 3] =
     ["control.output_low", "control.output_high", "control.output_softness.penalty"];
@@ -96,16 +100,34 @@ const PER_MEASURED: [&str; 2] =
     ["control.measurement.noise_sd", "control.estimator.measurement_sd"];
 const PER_DISTURBANCE: [&str; 2] =
     ["control.estimator.disturbance_sd", "control.estimator.disturbance_initial_sd"];
+const PER_IDENTIFIED: [&str; 1] = ["identify.measurement_sd"];
+
+/// Tables with a value for some names.
+const SOME_STATES: [&str; 4] = [
+    "control.end_state",
+    "control.uncertainty.boxes",
+    "control.bound_schedule.*.state_low",
+    "control.bound_schedule.*.state_high",
+];
+const SOME_INPUTS: [&str; 2] =
+    ["control.bound_schedule.*.input_low", "control.bound_schedule.*.input_high"];
+const SOME_OUTPUTS: [&str; 2] =
+    ["control.bound_schedule.*.output_low", "control.bound_schedule.*.output_high"];
 
 /// Writes the lists of a resolved config out, one entry per element.
 pub(crate) fn write_out(table: &mut Table, plants: &Plants) -> Checked<AsWritten> {
     let Some((equations, [states, inputs, outputs])) = named(table, plants)? else {
         return Ok(AsWritten::default());
     };
-    let all = [&states[..], &outputs].concat();
+    let readable = [&states[..], &outputs].concat();
+    let all = [&readable[..], &inputs].concat();
     let mut lists = Lists { equations, table, written: Vec::new() };
     let controlled = lists.names("control.controlled", &all)?.unwrap_or_default();
-    let measured = lists.names("control.measurement.measured", &all)?;
+    lists.names("control.periodic", &states)?;
+    lists.names("control.integer", &inputs)?;
+    let identified = lists.names("identify.measured", &readable)?;
+    let identified = identified.unwrap_or_else(|| Entries::of(&states));
+    let measured = lists.names("control.measurement.measured", &readable)?;
     let measured = measured.unwrap_or_else(|| Entries::of(&states));
     let disturbed = lists.names("control.estimator.disturbance.states", &states)?;
     let disturbed = disturbed.or_else(|| {
@@ -121,6 +143,10 @@ pub(crate) fn write_out(table: &mut Table, plants: &Plants) -> Checked<AsWritten
     lists.numbers(&PER_CONTROLLED, &controlled)?;
     lists.numbers(&PER_MEASURED, &measured)?;
     lists.numbers(&PER_DISTURBANCE, &disturbed.unwrap_or_default())?;
+    lists.numbers(&PER_IDENTIFIED, &identified)?;
+    lists.tables(&SOME_STATES, &states);
+    lists.tables(&SOME_INPUTS, &inputs);
+    lists.tables(&SOME_OUTPUTS, &outputs);
     Ok(AsWritten(lists.written))
 }
 
@@ -154,16 +180,25 @@ fn named(table: &mut Table, plants: &Plants) -> Checked<Option<Named>> {
 
 /// Whether a list is written as a table.
 fn has_tables(table: &mut Table) -> bool {
-    let lists: [&[&str]; 6] =
-        [&PER_STATE, &PER_INPUT, &PER_OUTPUT, &PER_CONTROLLED, &PER_MEASURED, &PER_DISTURBANCE];
-    let is_table = |table: &mut Table, key: &str| at(table, key).is_some_and(|v| v.is_table());
-    lists.into_iter().flatten().any(|key| match key.split_once(".*.") {
-        None => is_table(table, key),
-        Some((list, rest)) => {
-            let items = at(table, list).and_then(|list| list.as_array()).map_or(0, Vec::len);
-            (0..items).any(|i| is_table(table, &format!("{list}.{i}.{rest}")))
-        }
-    })
+    let lists: [&[&str]; 7] = [
+        &PER_STATE,
+        &PER_INPUT,
+        &PER_OUTPUT,
+        &PER_CONTROLLED,
+        &PER_MEASURED,
+        &PER_DISTURBANCE,
+        &PER_IDENTIFIED,
+    ];
+    let keys: Vec<String> =
+        lists.into_iter().flatten().flat_map(|key| places(table, key)).collect();
+    keys.iter().any(|key| at(table, key).is_some_and(|value| value.is_table()))
+}
+
+/// The keys that `list.*.key` stands for: one per item of the list.
+fn places(table: &mut Table, key: &str) -> Vec<String> {
+    let Some((list, rest)) = key.split_once(".*.") else { return vec![key.to_owned()] };
+    let items = at(table, list).and_then(|list| list.as_array()).map_or(0, Vec::len);
+    (0..items).map(|i| format!("{list}.{i}.{rest}")).collect()
 }
 
 /// What a list has one number for, with the places of each array among them.
@@ -234,19 +269,36 @@ impl Lists<'_> {
 
     fn numbers(&mut self, keys: &[&str], entries: &Entries) -> Checked<()> {
         for key in keys {
-            let Some((list, rest)) = key.split_once(".*.") else {
-                self.by_name(key, &entries.names)?;
-                self.list(key, &entries.groups)?;
-                continue;
-            };
-            let Some(Value::Array(items)) = at(self.table, list) else { continue };
-            for i in 0..items.len() {
-                let key = format!("{list}.{i}.{rest}");
+            for key in places(self.table, key) {
                 self.by_name(&key, &entries.names)?;
                 self.list(&key, &entries.groups)?;
             }
         }
         Ok(())
+    }
+
+    /// Gives each element of an array the value that a table has for the array.
+    fn tables(&mut self, keys: &[&str], names: &[String]) {
+        for key in keys {
+            for key in places(self.table, key) {
+                let Some(Value::Table(given)) = at(self.table, &key) else { continue };
+                let old = given.clone();
+                for name in names {
+                    let array = Variable::split_name(name).and_then(|(array, _)| old.get(array));
+                    let Some(value) = array else { continue };
+                    given.entry(name.clone()).or_insert_with(|| value.clone());
+                }
+                given.retain(|name, _| {
+                    let is_array = |of: &String| {
+                        Variable::split_name(of).is_some_and(|(array, _)| array == name)
+                    };
+                    !names.iter().any(is_array)
+                });
+                if *given != old {
+                    self.written.push((key, Value::Table(old)));
+                }
+            }
+        }
     }
 
     /// Makes a list of a table by name, in which `T` stands for all elements of an array.

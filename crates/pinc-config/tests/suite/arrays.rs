@@ -86,6 +86,66 @@ fn an_entry_of_a_list_is_for_an_array_or_for_each_of_its_elements() {
     assert_eq!(parse(&experiment.to_toml(), &[]).unwrap(), experiment);
 }
 
+const IDENTIFY: &str = r#"
+[identify]
+measured = ["T[2..n]", "E"]
+measurement_sd = [0.1, 0.2]
+initial_state = { T = 1.0, E = 2.0, z = 3.0 }
+parameters = [{ name = "k", initial = 1.0 }]
+"#;
+
+/// The config with more lines, as written out.
+fn control_with(line: &str) -> toml::Table {
+    let controlled = ("controlled", "controlled = [\"E\", \"v\", \"P\"]");
+    let text = with(&[controlled, ("q", "q = [2.0, 3.0, 1.0]")]) + line;
+    let experiment = parse(&text, &[]).unwrap_or_else(|error| panic!("{line}: {error}"));
+    let text = experiment.to_toml();
+    assert_eq!(parse(&text, &[]).unwrap(), experiment, "{line}");
+    text.parse().unwrap()
+}
+
+#[test]
+fn an_array_stands_for_its_elements_wherever_variables_are_named() {
+    for (line, key, expected) in [
+        ("", "controlled", r#"["E", "v[1]", "v[2]", "P"]"#),
+        ("", "q", "[2.0, 3.0, 3.0, 1.0]"),
+        ("periodic = [\"z\"]", "periodic", r#"["z[1]", "z[2]"]"#),
+        ("integer = [\"v\"]", "integer", r#"["v[1]", "v[2]"]"#),
+        (
+            "end_state = { T = 4.0, \"T[2]\" = 5.0 }",
+            "end_state",
+            r#"{ "T[1]" = 4.0, "T[2]" = 5.0, "T[3]" = 4.0 }"#,
+        ),
+        (
+            "state_low = { z = 0.0 }\nbound_schedule = [{ start_s = 1.0, state_low = { z = 0.5 }, input_high = { v = 0.2 }, output_low = { y = 1.0 } }]",
+            "bound_schedule",
+            r#"[{ start_s = 1.0, state_low = { "z[1]" = 0.5, "z[2]" = 0.5 },
+                  input_high = { "v[1]" = 0.2, "v[2]" = 0.2 },
+                  output_low = { "y[1]" = 1.0, "y[2]" = 1.0 } }]"#,
+        ),
+        (
+            "uncertainty = { probability = 0.9, process_sd = [0.1, 0.2, 0.3] }",
+            "uncertainty.process_sd",
+            "[0.1, 0.1, 0.1, 0.2, 0.3, 0.3]",
+        ),
+        (
+            "uncertainty = { probability = \"worst-case\", boxes = { z = 0.4 } }",
+            "uncertainty.boxes",
+            r#"{ "z[1]" = 0.4, "z[2]" = 0.4 }"#,
+        ),
+        ("first_plan = { input = [0.5, 1.0] }", "first_plan.input", "[0.5, 1.0, 1.0]"),
+        (IDENTIFY, "../identify.measured", r#"["T[2]", "T[3]", "E"]"#),
+        (IDENTIFY, "../identify.measurement_sd", "[0.1, 0.1, 0.2]"),
+        (IDENTIFY, "../identify.initial_state", "[1.0, 1.0, 1.0, 2.0, 3.0, 3.0]"),
+    ] {
+        let table = toml::Value::Table(control_with(line));
+        let key = key.strip_prefix("../").map_or(format!("control.{key}"), str::to_owned);
+        let found = key.split('.').fold(&table, |value, key| &value[key]);
+        let expected: toml::Table = format!("expected = {expected}").parse().unwrap();
+        assert_eq!(found, &expected["expected"], "{key}");
+    }
+}
+
 #[test]
 fn names_have_the_sizes_in_their_brackets() {
     let text = with(&[("controlled", "controlled = [\"T[n]\", \"T[2*m - 3]\", \"E\"]")]);
