@@ -8,7 +8,7 @@ use crate::solution::Solution;
 use crate::stage_cost::{QuadBlock, StagePoint};
 use crate::transcription::Transcription;
 use crate::units::Units;
-use pinc_ode::{LinearizationBuffer, OutputLinearization, Stages};
+use pinc_ode::{Gradients, LinearizationBuffer, OutputLinearization, Stages};
 use pinc_qp::{Convexifier, Convexity, OcpDims, Qp, all_finite};
 
 /// A difference quotient is taken over this part of a variable's size: the cube root of the
@@ -40,6 +40,8 @@ pub(crate) struct Curvature {
     /// The gradients at the points, `[points, n]` and `[points, m]`.
     by_x: Vec<f64>,
     by_u: Vec<f64>,
+    /// Those of lambda'f: by x, by u, and the lambda of each point.
+    of_model: [Vec<f64>; 3],
     model: LinearizationBuffer,
     /// The outputs with their Jacobians at the points.
     y: Vec<f64>,
@@ -102,7 +104,8 @@ impl Curvature {
             steps: vec![0.0; s],
             by_x: zeros(dims.nx),
             by_u: zeros(dims.nu),
-            model: LinearizationBuffer::new(model, points),
+            of_model: [zeros(dims.nx), zeros(dims.nu), zeros(dims.nx)],
+            model: LinearizationBuffer::new(model.with_parameters(0), points),
             y: zeros(model.ny),
             c: zeros(model.ny * dims.nx),
             d: zeros(model.ny * dims.nu),
@@ -234,19 +237,18 @@ impl Curvature {
 
     /// Adds the gradients of lambda'f.
     fn add_model(&mut self, horizon: &mut Horizon, of: &Transcription, at: At<'_>, stage: usize) {
-        let (n, m) = (self.dims.nx, self.dims.nu);
-        let Self { x, u, p, by_x, by_u, model, .. } = self;
-        self.evaluated += x.len() / n;
-        horizon.at(stage).linearize(Stages { x, u, p }, model.as_mut());
+        let Self { x, u, p, by_x, by_u, model, of_model: [of_x, of_u, weights], .. } = self;
         let lambda = &at.plan.multipliers.dynamics[self.dims.next_state(stage)];
-        for (to, jacobian, width) in [(by_x, &model.a, n), (by_u, &model.b, m)] {
-            let points = to.chunks_exact_mut(width).zip(jacobian.chunks_exact(n * width));
-            for (to, rows) in points {
-                for (i, (lambda, row)) in lambda.iter().zip(rows.chunks_exact(width)).enumerate() {
-                    let lambda = of.units.plain_multiplier(i, *lambda);
-                    to.iter_mut().zip(row).for_each(|(to, entry)| *to += lambda * entry);
-                }
+        self.evaluated += x.len() / lambda.len();
+        for point in weights.chunks_exact_mut(lambda.len()) {
+            for (i, (to, lambda)) in point.iter_mut().zip(lambda).enumerate() {
+                *to = of.units.plain_multiplier(i, *lambda);
             }
+        }
+        let out = Gradients { x: &mut *of_x, u: &mut *of_u, p: &mut [] };
+        model.gradients(horizon.at(stage), Stages { x, u, p }, weights, out);
+        for (to, of_model) in [(by_x, of_x), (by_u, of_u)] {
+            to.iter_mut().zip(of_model).for_each(|(to, slope)| *to += *slope);
         }
     }
 

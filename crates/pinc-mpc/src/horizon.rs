@@ -2,7 +2,7 @@
 
 use crate::MpcError;
 use crate::error::check_range;
-use pinc_ode::{Dims, Linearization, Model, Stages};
+use pinc_ode::{Dims, Gradients, Linearization, LinearizationBuffer, Model, Stages};
 use pinc_qp::Tree;
 use std::ops::Range;
 
@@ -142,5 +142,23 @@ impl Horizon {
             }
         }
         true
+    }
+
+    /// Writes the gradients of w'F(x, u, p) at the points of all stages, each by its model.
+    pub(crate) fn gradients(
+        &mut self,
+        at: Stages<'_>,
+        weights: &[f64],
+        out: Gradients<'_>,
+        room: &mut LinearizationBuffer,
+    ) {
+        let (dims, mut rest) = (self.dims, (at, weights, out));
+        for Block { model, stages } in &mut self.blocks {
+            let (points, later_points) = rest.0.split(dims, stages.len());
+            let (weights, later_weights) = rest.1.split_at(stages.len() * dims.nx);
+            let (out, later) = rest.2.split(dims, stages.len());
+            room.gradients(model.as_mut(), points, weights, out);
+            rest = (later_points, later_weights, later);
+        }
     }
 }

@@ -4,7 +4,7 @@ use crate::constraints::ConstraintWork;
 use crate::cost::Targets;
 use crate::stage_cost::{QuadBlock, StagePoint};
 use crate::{Bounds, Constraint, IntervalEnd, KktResidual, Nmpc, Solution};
-use pinc_ode::{Linearization, OutputLinearization, Stages};
+use pinc_ode::{Gradients, Linearization, LinearizationBuffer, OutputLinearization, Stages};
 use pinc_qp::{Multipliers, Qp, Row};
 
 /// The optimization problem of a controller's last step, in the plant's units, for whoever
@@ -89,6 +89,18 @@ impl Program<'_> {
     /// Linearizes the models of all stages, each at its own point.
     pub fn linearize(&mut self, at: Stages<'_>, out: Linearization<'_>) {
         self.0.horizon.linearize(at, out, &mut || false);
+    }
+
+    /// Writes the gradients of w'F(x, u, p) of the models of all stages, each at its own point: see
+    /// [`LinearizationBuffer::gradients`].
+    pub fn gradients(
+        &mut self,
+        at: Stages<'_>,
+        weights: &[f64],
+        out: Gradients<'_>,
+        room: &mut LinearizationBuffer,
+    ) {
+        self.0.horizon.gradients(at, weights, out, room);
     }
 
     /// Linearizes the outputs of the model of a stage.

@@ -48,7 +48,9 @@ pub use dyn_plant::{AnyVectorRhs, DynPlant, DynRhs, VECTOR_DIRECTIONS, VectorDua
 pub use error::OdeError;
 pub use integrator::{Integrator, Scheme};
 pub use loaded::Loaded;
-pub use model::{Dims, Linearization, LinearizationBuffer, Model, OutputLinearization, Stages};
+pub use model::{
+    Dims, Gradients, Linearization, LinearizationBuffer, Model, OutputLinearization, Stages,
+};
 pub use piecewise_constant::PiecewiseConstant;
 pub use plant::{Over, Plant};
 pub use quadrature::Quadrature;

@@ -59,6 +59,15 @@ impl<'a> Stages<'a> {
         Stages { x: part(self.x, dims.nx), u: part(self.u, dims.nu), p: part(self.p, dims.np) }
     }
 
+    /// The first `points` points, and the others.
+    #[must_use]
+    pub fn split(self, dims: Dims, points: usize) -> (Self, Self) {
+        let (x, x_rest) = self.x.split_at(points * dims.nx);
+        let (u, u_rest) = self.u.split_at(points * dims.nu);
+        let (p, p_rest) = self.p.split_at(points * dims.np);
+        (Self { x, u, p }, Self { x: x_rest, u: u_rest, p: p_rest })
+    }
+
     /// The number of points.
     ///
     /// # Panics
@@ -167,7 +176,7 @@ impl OutputLinearization<'_> {
 }
 
 /// Numbers for a [`Linearization`] at some points.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct LinearizationBuffer {
     /// F(x, u, p), `[points, nx]`.
     pub next: Vec<f64>,
@@ -191,6 +200,84 @@ impl LinearizationBuffer {
     pub fn as_mut(&mut self) -> Linearization<'_> {
         let Self { next, a, b, e } = self;
         Linearization { next, a, b, e }
+    }
+
+    /// Writes the gradients of w'F(x, u, p) at some points, by [`Model::pull_back`] or else by the
+    /// Jacobians, for which it makes more room if it has to.
+    ///
+    /// # Shapes
+    ///
+    /// `weights`: `[points, nx]`.
+    pub fn gradients(
+        &mut self,
+        model: &mut dyn Model,
+        at: Stages<'_>,
+        weights: &[f64],
+        out: Gradients<'_>,
+    ) {
+        let Gradients { x, u, p } = out;
+        if model.pull_back(at, weights, Gradients { x: &mut *x, u: &mut *u, p: &mut *p }) {
+            return;
+        }
+        let dims @ Dims { nx, nu, np, .. } = model.dims();
+        let points = at.count(dims);
+        let Self { next, a, b, e } = self;
+        let by_p = if p.is_empty() { 0 } else { np };
+        for (numbers, width) in [(&mut *next, 1), (&mut *a, nx), (&mut *b, nu), (&mut *e, by_p)] {
+            numbers.resize(points * nx * width, 0.0);
+        }
+        model.linearize(at, Linearization { next, a, b, e });
+        for (to, jacobians, width) in [(x, a, nx), (u, b, nu), (p, e, np)] {
+            if to.is_empty() {
+                continue;
+            }
+            to.fill(0.0);
+            let rows = jacobians.chunks_exact(width).zip(weights).enumerate();
+            // A row without weight may have no derivative.
+            for (row, (derivatives, weight)) in rows.filter(|(_, (_, weight))| **weight != 0.0) {
+                let to = &mut to[row / nx * width..][..width];
+                to.iter_mut().zip(derivatives).for_each(|(to, entry)| *to += weight * entry);
+            }
+        }
+    }
+}
+
+/// Where gradients of w'F(x, u, p) at some points go.
+///
+/// # Shapes
+///
+/// `x`: `[points, nx]`; `u`: `[points, nu]`; `p`: `[points, np]`, or empty where it is not wanted; all
+/// row by row.
+#[derive(Debug)]
+pub struct Gradients<'a> {
+    /// By x.
+    pub x: &'a mut [f64],
+    /// By u.
+    pub u: &'a mut [f64],
+    /// By p, or empty.
+    pub p: &'a mut [f64],
+}
+
+impl Gradients<'_> {
+    /// Checks the lengths for `points` points of a model of dimensions `dims`.
+    ///
+    /// # Panics
+    ///
+    /// If one is wrong.
+    pub fn check(&self, points: usize, dims: Dims) {
+        assert!(self.x.len() == points * dims.nx, "length of x");
+        assert!(self.u.len() == points * dims.nu, "length of u");
+        assert!(self.p.is_empty() || self.p.len() == points * dims.np, "length of p");
+    }
+
+    /// The places of the first `points` points, and those of the others.
+    #[must_use]
+    pub fn split(self, dims: Dims, points: usize) -> (Self, Self) {
+        let np = if self.p.is_empty() { 0 } else { dims.np };
+        let (x, x_rest) = self.x.split_at_mut(points * dims.nx);
+        let (u, u_rest) = self.u.split_at_mut(points * dims.nu);
+        let (p, p_rest) = self.p.split_at_mut(points * np);
+        (Self { x, u, p }, Self { x: x_rest, u: u_rest, p: p_rest })
     }
 }
 
@@ -247,6 +334,19 @@ pub trait Model: Debug + Send {
     /// Linearizes F at any number of points. Up to rounding, the results at a point do not depend on
     /// the other points, and the values equal the result of [`Model::step`].
     fn linearize(&mut self, at: Stages<'_>, out: Linearization<'_>);
+
+    /// Writes the gradients of w'F(x, u, p) at any number of points, with weights w of their own, if
+    /// the model can follow its steps backwards, which takes about as long as a few steps whatever
+    /// the number of variables. Returns whether it can; [`LinearizationBuffer::gradients`] does it
+    /// with every model.
+    ///
+    /// # Shapes
+    ///
+    /// `weights`: `[points, nx]`.
+    fn pull_back(&mut self, at: Stages<'_>, weights: &[f64], out: Gradients<'_>) -> bool {
+        let _ = (at, weights, out);
+        false
+    }
 
     /// Writes h(x, u, p) into `y`: the states, if a model has no other outputs.
     ///

@@ -15,19 +15,17 @@ impl<'a> Points<'a> {
     pub(crate) fn split(self, dims: Dims, count: usize) -> (Points<'a>, Points<'a>) {
         let Dims { nx: n, nu: m, np, .. } = dims;
         let Points { at, out } = self;
-        let (x, x_rest) = at.x.split_at(count * n);
-        let (u, u_rest) = at.u.split_at(count * m);
-        let (p, p_rest) = at.p.split_at(count * np);
+        let (at, at_rest) = at.split(dims, count);
         let (next, next_rest) = out.next.split_at_mut(count * n);
         let (a, a_rest) = out.a.split_at_mut(count * n * n);
         let (b, b_rest) = out.b.split_at_mut(count * n * m);
         let e_length = if out.e.is_empty() { 0 } else { count * n * np };
         let (e, e_rest) = out.e.split_at_mut(e_length);
         let rest = Points {
-            at: Stages { x: x_rest, u: u_rest, p: p_rest },
+            at: at_rest,
             out: Linearization { next: next_rest, a: a_rest, b: b_rest, e: e_rest },
         };
-        (Points { at: Stages { x, u, p }, out: Linearization { next, a, b, e } }, rest)
+        (Points { at, out: Linearization { next, a, b, e } }, rest)
     }
 
     /// The columns of the Jacobians that are wanted: those by x, by u and, unless their place is

@@ -1,6 +1,6 @@
 //! A model of the states with outputs of its own.
 
-use crate::{Dims, Linearization, Model, OutputLinearization, Stages};
+use crate::{Dims, Gradients, Linearization, Model, OutputLinearization, Stages};
 
 /// A model of the states, as a net is one, with the outputs y = h(x, u, p) of the plant's own
 /// equation.
@@ -32,6 +32,10 @@ impl<M: Model> Model for WithOutputs<M> {
 
     fn linearize(&mut self, at: Stages<'_>, out: Linearization<'_>) {
         self.states.linearize(at, out);
+    }
+
+    fn pull_back(&mut self, at: Stages<'_>, weights: &[f64], out: Gradients<'_>) -> bool {
+        self.states.pull_back(at, weights, out)
     }
 
     fn output(&mut self, x: &[f64], u: &[f64], p: &[f64], y: &mut [f64]) {

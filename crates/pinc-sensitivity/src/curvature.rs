@@ -2,7 +2,7 @@
 
 use crate::sensitivity::Plan;
 use pinc_mpc::{IntervalEnd, NmpcProblem, Program, QuadBlock, Tracked};
-use pinc_ode::{Dims, Linearization, OutputLinearization, Stages};
+use pinc_ode::{Dims, Gradients, LinearizationBuffer, OutputLinearization, Stages};
 use pinc_qp::{OcpDims, Qp};
 
 /// Steps of the differences, as a part of a quantity's size: their error, of second order, is about
@@ -74,6 +74,10 @@ struct Evaluator<'a, 'p> {
     dims: OcpDims,
     model: Dims,
     block: QuadBlock,
+    /// p at each point, the gradients of the model by x and by u, and what they need.
+    p: Vec<f64>,
+    by: [Vec<f64>; 2],
+    room: LinearizationBuffer,
 }
 
 impl Curvature {
@@ -179,7 +183,7 @@ impl Curvature {
         }
     }
 
-    /// Subtracts d2L / dz dp times `dp` from the part z of `right`.
+    /// Subtracts d2L / dz dp and df / dp times `dp` from the parts z and lambda of `right`.
     pub(crate) fn subtract_along_parameters(
         &self,
         program: &mut Program<'_>,
@@ -187,6 +191,7 @@ impl Curvature {
         right: &mut [f64],
     ) {
         let Some(step) = step(dp, |k| parameter_size(self.p[k])) else { return };
+        self.subtract_moved_states(program, dp, &mut right[self.dims.unknowns()..]);
         let dp: Vec<f64> = dp.iter().map(|dp| step * dp).collect();
         let mut evaluator = Evaluator::new(program, self.dims, self.model);
         let (nx, width) = (self.dims.nx, self.dims.nx + self.dims.nu);
@@ -207,7 +212,19 @@ impl Curvature {
         }
     }
 
-    /// Subtracts w'd2L / dz dp, with the part z of `w`, from `gradient`, `np`.
+    /// Subtracts df / dp times `dp`.
+    fn subtract_moved_states(&self, program: &mut Program<'_>, dp: &[f64], right: &mut [f64]) {
+        let dynamics = self.families.iter().find(|family| family.function == Function::Dynamics);
+        let Some(Family { places, x, u, .. }) = dynamics else { return };
+        let mut found = LinearizationBuffer::new(self.model, places.len());
+        let p = self.p.repeat(places.len());
+        program.linearize(Stages { x, u, p: &p }, found.as_mut());
+        for (right, by_p) in right.iter_mut().zip(found.e.chunks_exact(dp.len())) {
+            *right -= by_p.iter().zip(dp).map(|(by_p, dp)| by_p * dp).sum::<f64>();
+        }
+    }
+
+    /// Subtracts w'd2L / dz dp and w'df / dp, with the parts z and lambda of `w`, from `gradient`, `np`.
     pub(crate) fn subtract_adjoint(
         &self,
         program: &mut Program<'_>,
@@ -247,6 +264,14 @@ impl Curvature {
                 dx.iter_mut().chain(du).for_each(|direction| *direction *= *size);
             }
             let mut change = vec![0.0; count * np];
+            if family.function == Function::Dynamics {
+                let dynamics = &w[self.dims.unknowns()..][..count * nx];
+                let at = Stages { x: &family.x, u: &family.u, p: &self.p };
+                evaluator.gradient_of_model(dynamics, at, &mut change, true);
+                for change in change.chunks_exact(np) {
+                    gradient.iter_mut().zip(change).for_each(|(gradient, by_p)| *gradient -= by_p);
+                }
+            }
             self.difference(family, &mut evaluator, [&dx, &du, &[]], &mut change, true);
             for (change, step) in change.chunks_exact(np).zip(&steps).filter(|(_, s)| **s > 0.0) {
                 let sums = gradient.iter_mut().zip(change);
@@ -382,7 +407,9 @@ fn families(dims: OcpDims, model: Dims, program: &Program<'_>, plan: &Plan<'_>) 
 
 impl<'a, 'p> Evaluator<'a, 'p> {
     fn new(program: &'a mut Program<'p>, dims: OcpDims, model: Dims) -> Self {
-        Self { program, dims, model, block: QuadBlock::new(dims.nx, dims.nu) }
+        let block = QuadBlock::new(dims.nx, dims.nu);
+        let (p, by, room) = Default::default();
+        Self { program, dims, model, block, p, by, room }
     }
 
     /// Writes the gradients of a family at the points `at`, with the same p for all: in (x, u),
@@ -390,7 +417,9 @@ impl<'a, 'p> Evaluator<'a, 'p> {
     fn gradient(&mut self, family: &Family, at: Stages<'_>, out: &mut [f64], in_parameters: bool) {
         let count = family.places.len();
         match family.function {
-            Function::Dynamics => self.gradient_of_model(family, at, out, in_parameters),
+            Function::Dynamics => {
+                self.gradient_of_model(&family.weights, at, out, in_parameters);
+            }
             Function::Ends | Function::Starts => {
                 for k in 0..count {
                     self.gradient_of_outputs(family, at, out, (k, in_parameters));
@@ -416,27 +445,27 @@ impl<'a, 'p> Evaluator<'a, 'p> {
 
     fn gradient_of_model(
         &mut self,
-        family: &Family,
+        weights: &[f64],
         at: Stages<'_>,
         out: &mut [f64],
         in_parameters: bool,
     ) {
-        let Dims { nx, nu, np, .. } = self.model;
+        let Dims { nx, nu, .. } = self.model;
         let count = self.dims.horizon;
-        let zeros = |width: usize| vec![0.0; count * nx * width];
-        let (mut next, mut a, mut b) = (zeros(1), zeros(nx), zeros(nu));
-        let mut e = if in_parameters { zeros(np) } else { Vec::new() };
-        let p = at.p.repeat(count);
-        let result = Linearization { next: &mut next, a: &mut a, b: &mut b, e: &mut e };
-        self.program.linearize(Stages { p: &p, ..at }, result);
-        for (k, weights) in family.weights.chunks_exact(nx).enumerate() {
-            let part = |width: usize| k * nx * width..(k + 1) * nx * width;
-            if in_parameters {
-                weighted(&[(&e[part(np)], np)], weights, &mut out[k * np..(k + 1) * np]);
-            } else {
-                let width = nx + nu;
-                let jacobians = [(&a[part(nx)], nx), (&b[part(nu)], nu)];
-                weighted(&jacobians, weights, &mut out[k * width..(k + 1) * width]);
+        let [by_x, by_u] = &mut self.by;
+        by_x.resize(count * nx, 0.0);
+        by_u.resize(count * nu, 0.0);
+        self.p.clear();
+        (0..count).for_each(|_| self.p.extend_from_slice(at.p));
+        let by_p = if in_parameters { &mut *out } else { &mut [] };
+        let gradients = Gradients { x: &mut *by_x, u: &mut *by_u, p: by_p };
+        let at = Stages { p: &self.p, ..at };
+        self.program.gradients(at, weights, gradients, &mut self.room);
+        if !in_parameters {
+            let both = by_x.chunks_exact(nx).zip(by_u.chunks_exact(nu));
+            for (to, (by_x, by_u)) in out.chunks_exact_mut(nx + nu).zip(both) {
+                to[..nx].copy_from_slice(by_x);
+                to[nx..].copy_from_slice(by_u);
             }
         }
     }

@@ -5,11 +5,11 @@ use crate::limits::Limit;
 use crate::sensitivity::Plan;
 use crate::system::Places;
 use pinc_mpc::{IntervalEnd, NmpcProblem, Program, Tracked};
-use pinc_ode::{Dims, Linearization, OutputLinearization, Stages};
+use pinc_ode::{Dims, OutputLinearization, Stages};
 use pinc_qp::{OcpDims, Qp};
 
-/// The derivative of minus the optimality conditions, without what is of second order in p, as a
-/// list of entries: row of the conditions, number given, value. A right-hand side is these entries
+/// The derivative of minus the optimality conditions, without what is of second order in p and the
+/// model's first derivatives in p, as a list of entries: row of the conditions, number given, value. A right-hand side is these entries
 /// times a change; a gradient is their transpose times a solution.
 #[derive(Debug, Default)]
 pub(crate) struct Entries(Vec<(usize, usize, f64)>);
@@ -47,7 +47,6 @@ impl Entries {
         entries.add_tracking(of);
         entries.add_increments(of);
         entries.add_input_sequence(of);
-        entries.add_parameters(of);
         entries.add_limits(of);
         entries.add_rows(of);
         entries.add_penalties(of);
@@ -157,15 +156,6 @@ impl Entries {
                     self.push(first + row - m, applied, -2.0 * weight.entry(row, k));
                 }
             }
-        }
-    }
-
-    fn add_parameters(&mut self, of: &Conditions<'_>) {
-        let at = Places::new(of.qp.dims);
-        let np = of.problem.parameters.len().max(1);
-        for (i, value) in of.by_parameters.dynamics.iter().enumerate() {
-            let given = of.layout.place(Given::Parameters, i % np);
-            self.push(at.dynamics + i / np, given, -value);
         }
     }
 
@@ -293,12 +283,10 @@ pub(crate) fn row_slopes(qp: &Qp, row: usize) -> Vec<(usize, f64)> {
     x.chain(dims.input(input).zip(by_u.iter().copied())).collect()
 }
 
-/// First derivatives in p along a plan.
+/// First derivatives of the outputs in p along a plan.
 #[derive(Debug)]
 pub(crate) struct ByParameters {
     model: Dims,
-    /// `[N, n, np]`
-    dynamics: Vec<f64>,
     /// At the ends and at the starts of the intervals, `[N, ny, np]`.
     outputs: [Vec<f64>; 2],
 }
@@ -309,32 +297,19 @@ impl ByParameters {
         dims: OcpDims,
         (plan, p): (&Plan<'_>, &[f64]),
     ) -> Self {
-        let model = program.nmpc().model().dims();
-        let Dims { nx, nu, np, ny, .. } = model;
-        let count = dims.horizon;
-        let zeros = |rows: usize, width: usize| vec![0.0; count * rows * width];
-        let mut dynamics = zeros(nx, np);
-        let points = if program.uses_outputs() { count * ny * np } else { 0 };
+        let model @ Dims { nx, nu, np, ny, .. } = program.nmpc().model().dims();
+        let points = if program.uses_outputs() { dims.horizon * ny * np } else { 0 };
         let mut outputs = [vec![0.0; points], vec![0.0; points]];
-        if np == 0 {
-            return Self { model, dynamics, outputs };
-        }
-        let x: Vec<f64> = (0..count).flat_map(|j| plan.state(dims, j)).copied().collect();
-        let u: Vec<f64> =
-            (0..count).flat_map(|j| &plan.z[dims.input(dims.acting(j))]).copied().collect();
-        let at = Stages { x: &x, u: &u, p: &p.repeat(count) };
-        let (mut next, mut a, mut b) = (zeros(nx, 1), zeros(nx, nx), zeros(nx, nu));
-        let out = Linearization { next: &mut next, a: &mut a, b: &mut b, e: &mut dynamics };
-        program.linearize(at, out);
         let (mut y, mut c, mut d) = (vec![0.0; ny], vec![0.0; ny * nx], vec![0.0; ny * nu]);
         for (outputs, later) in outputs.iter_mut().zip([1, 0]) {
             for (j, e) in outputs.chunks_exact_mut((ny * np).max(1)).enumerate() {
-                let at = Stages { x: plan.state(dims, j + later), u: &u[j * nu..(j + 1) * nu], p };
+                let u = &plan.z[dims.input(dims.acting(j))];
+                let at = Stages { x: plan.state(dims, j + later), u, p };
                 let out = OutputLinearization { y: &mut y, c: &mut c, d: &mut d, e };
                 program.linearize_output(j, at, out);
             }
         }
-        Self { model, dynamics, outputs }
+        Self { model, outputs }
     }
 
     /// The derivatives of an output at the end of the interval that leads to stage `j`.

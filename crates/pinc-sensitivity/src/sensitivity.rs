@@ -270,11 +270,7 @@ impl<'a> Sensitivity<'a> {
         w[dims.all_states()..][..by_inputs.len()].copy_from_slice(by_inputs);
         self.system.solve(&mut w);
         self.entries.apply_transposed(&w, gradient.values_mut());
-        self.curvature.subtract_adjoint(
-            &mut self.program,
-            &w[..dims.unknowns()],
-            gradient.get_mut(Given::Parameters),
-        );
+        self.curvature.subtract_adjoint(&mut self.program, &w, gradient.get_mut(Given::Parameters));
         Ok(gradient)
     }
 

@@ -5,7 +5,7 @@ use super::cases::Case;
 use super::results::QpTime;
 use pinc_config::ModelKind;
 use pinc_mpc::{Nmpc, QpMethod};
-use pinc_ode::{Dims, Linearization, Model, Stages};
+use pinc_ode::{Dims, Gradients, Linearization, Model, Stages};
 use pinc_runs::LoopSetup;
 use pinc_runs::RunError;
 use pinc_runs::clock::{median, to_f64};
@@ -93,5 +93,9 @@ impl Model for Watched {
 
     fn linearize(&mut self, at: Stages<'_>, out: Linearization<'_>) {
         self.spent.watch(|| self.model.linearize(at, out));
+    }
+
+    fn pull_back(&mut self, at: Stages<'_>, weights: &[f64], out: Gradients<'_>) -> bool {
+        self.spent.watch(|| self.model.pull_back(at, weights, out))
     }
 }

@@ -1,7 +1,7 @@
 //! Vectors by the number of points.
 
 use crate::points::Points;
-use crate::{Dims, Linearization, Model, OutputLinearization, Stages};
+use crate::{Dims, Gradients, Linearization, Model, OutputLinearization, Stages};
 use pinc_ad::simd::{Isa, Task};
 
 /// The model that `build` makes on the vectors of `isa`, with one on half as many lanes beside it
@@ -26,6 +26,14 @@ struct ByCount {
     lanes: usize,
 }
 
+impl ByCount {
+    /// How many of `count` points the wide vectors take.
+    fn wide_points(&self, count: usize) -> usize {
+        let rest = count % self.lanes;
+        if rest <= self.lanes / 2 { count - rest } else { count }
+    }
+}
+
 impl Model for ByCount {
     fn dims(&self) -> Dims {
         self.wide.dims()
@@ -43,15 +51,24 @@ impl Model for ByCount {
         let dims = self.dims();
         let count = at.count(dims);
         out.check(count, dims);
-        let rest = count % self.lanes;
-        let whole = if rest <= self.lanes / 2 { count - rest } else { count };
-        let (whole, rest) = Points { at, out }.split(dims, whole);
+        let (whole, rest) = Points { at, out }.split(dims, self.wide_points(count));
         if !whole.at.x.is_empty() {
             self.wide.linearize(whole.at, whole.out);
         }
         if !rest.at.x.is_empty() {
             self.narrow.linearize(rest.at, rest.out);
         }
+    }
+
+    fn pull_back(&mut self, at: Stages<'_>, weights: &[f64], out: Gradients<'_>) -> bool {
+        let dims = self.dims();
+        let count = at.count(dims);
+        out.check(count, dims);
+        let wide = self.wide_points(count);
+        let (at, rest) = at.split(dims, wide);
+        let (weights, other_weights) = weights.split_at(wide * dims.nx);
+        let (out, other) = out.split(dims, wide);
+        self.wide.pull_back(at, weights, out) && self.narrow.pull_back(rest, other_weights, other)
     }
 
     fn output(&mut self, x: &[f64], u: &[f64], p: &[f64], y: &mut [f64]) {

@@ -1,6 +1,7 @@
 //! Plants whose Jacobians are known to be zero in most places: the interface, and the
 //! Runge-Kutta and Rosenbrock methods on it.
 
+mod adjoint;
 mod by_count;
 mod elimination;
 mod lanes;

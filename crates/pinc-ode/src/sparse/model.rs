@@ -4,7 +4,7 @@ use super::lanes::{load, scatter, store};
 use super::outputs::Outputs;
 use super::{SparseFunction, SparsePlant};
 use crate::points::Points;
-use crate::{Dims, Linearization, Model, OutputLinearization, Stages};
+use crate::{Dims, Gradients, Linearization, Model, OutputLinearization, Stages};
 use pinc_ad::simd::{Simd, Work};
 use std::fmt::Debug;
 
@@ -24,6 +24,10 @@ pub(super) trait Stepper<V: Simd>: Debug + Send {
 
     /// The derivative of a state by a variable, after [`Stepper::linearize`].
     fn derivative(&self, state: usize, variable: usize) -> V;
+
+    /// The gradient of w'F by the variables, of which the first `columns` are wanted; `None` if the
+    /// method cannot go backwards.
+    fn pull_back(&mut self, weights: impl Fn(usize) -> V, columns: usize) -> Option<&[V]>;
 }
 
 /// A method as a [`Model`].
@@ -113,6 +117,42 @@ impl<S: Stepper<V>, V: Simd> Work for Linearize<'_, S, V> {
     }
 }
 
+/// Gradients of weighted sums of the results of some points' steps.
+struct PullBack<'a, S, V> {
+    stepper: &'a mut S,
+    dims: Dims,
+    at: Stages<'a>,
+    weights: &'a [f64],
+    out: Gradients<'a>,
+    zero: V,
+}
+
+impl<S: Stepper<V>, V: Simd> Work for PullBack<'_, S, V> {
+    type Output = bool;
+
+    #[inline(always)]
+    fn run(self) -> bool {
+        let Self { stepper, dims, at, weights, out, zero } = self;
+        let Dims { nx, nu, np, .. } = dims;
+        let columns = nx + nu + if out.p.is_empty() { 0 } else { np };
+        for begin in (0..at.x.len() / nx).step_by(V::LANES) {
+            let filled = load(stepper.memory_mut(), dims, at, begin, zero);
+            let point = |lane: usize| begin + lane.min(filled - 1);
+            let weights = |i: usize| zero.generate(|lane| weights[point(lane) * nx + i]);
+            let Some(gradient) = stepper.pull_back(weights, columns) else { return false };
+            let (by_x, rest) = gradient.split_at(nx);
+            let (by_u, by_p) = rest.split_at(nu);
+            let by_p = &by_p[..columns - nx - nu];
+            for (to, from) in [(&mut *out.x, by_x), (&mut *out.u, by_u), (&mut *out.p, by_p)] {
+                for (k, &slope) in from.iter().enumerate() {
+                    scatter(slope, filled, |lane, value| to[point(lane) * from.len() + k] = value);
+                }
+            }
+        }
+        true
+    }
+}
+
 impl<S: Stepper<V>, H: SparseFunction, V: Simd> Model for SparseModel<S, H, V> {
     fn dims(&self) -> Dims {
         self.dims
@@ -134,6 +174,13 @@ impl<S: Stepper<V>, H: SparseFunction, V: Simd> Model for SparseModel<S, H, V> {
         let (dims, zero) = (*dims, *zero);
         out.check(at.count(dims), dims);
         zero.vectorize(Linearize { stepper, dims, points: Points { at, out }, zero });
+    }
+
+    fn pull_back(&mut self, at: Stages<'_>, weights: &[f64], out: Gradients<'_>) -> bool {
+        let Self { dims, zero, stepper, .. } = self;
+        let (dims, zero) = (*dims, *zero);
+        out.check(at.count(dims), dims);
+        zero.vectorize(PullBack { stepper, dims, at, weights, out, zero })
     }
 
     fn output(&mut self, x: &[f64], u: &[f64], p: &[f64], y: &mut [f64]) {

@@ -230,4 +230,9 @@ impl<F: CurvedFunction, V: Simd> Stepper<V> for Rosenbrock<F, V> {
     fn derivative(&self, state: usize, variable: usize) -> V {
         self.tangents.get(state, variable)
     }
+
+    #[inline(always)]
+    fn pull_back(&mut self, _: impl Fn(usize) -> V, _: usize) -> Option<&[V]> {
+        None
+    }
 }

@@ -1,5 +1,6 @@
 //! Runge-Kutta methods with exact sensitivities through sparse Jacobians, as models.
 
+use super::adjoint::Adjoint;
 use super::by_count::by_count;
 use super::lanes::gather;
 use super::model::{SparseModel, Stepper, checked_substep};
@@ -78,6 +79,7 @@ impl<F: SparseFunction> Task for Build<F> {
             x: vec![zero; places(&stages) * dims.nx],
             entries: vec![zero; stages.len() * pattern.entries()],
             sensitivities: Sensitivities::new(pattern, &stages, zero),
+            adjoint: Adjoint::new(pattern, &stages, substeps, zero),
             small: Small::new(pattern, zero),
             rhs,
             stages,
@@ -101,6 +103,7 @@ struct Explicit<F, V> {
     /// The entries of its Jacobian at each stage.
     entries: Vec<V>,
     sensitivities: Sensitivities<V>,
+    adjoint: Adjoint<V>,
     small: Option<Small<V>>,
 }
 
@@ -149,9 +152,9 @@ impl<F: SparseFunction, V: Simd> Explicit<F, V> {
         }
     }
 
-    /// A substep of the state and of its derivatives by the first `columns` variables.
+    /// A substep of the state, with the entries of the Jacobian at each stage.
     #[inline(always)]
-    fn linearized_substep(&mut self, number: usize, columns: usize) {
+    fn recorded_substep(&mut self) {
         self.begin();
         let Self { nx, rhs, stages, zero, memory, x, entries, .. } = self;
         let count = rhs.pattern().entries();
@@ -160,6 +163,12 @@ impl<F: SparseFunction, V: Simd> Explicit<F, V> {
             gather(&mut entries[s * count..][..count], rest, memory);
             advance(stages, s, values, x, memory, *zero);
         }
+    }
+
+    /// A substep of the state and of its derivatives by the first `columns` variables.
+    #[inline(always)]
+    fn linearized_substep(&mut self, number: usize, columns: usize) {
+        self.recorded_substep();
         let Self { rhs, entries, stages, sensitivities, zero, .. } = self;
         let pattern = rhs.pattern();
         let substep = Substep { number, pattern, entries, stages };
@@ -204,5 +213,24 @@ impl<F: SparseFunction, V: Simd> Stepper<V> for Explicit<F, V> {
             Some(small) => small.get(state, variable),
             None => self.sensitivities.get(state, variable),
         }
+    }
+
+    #[inline(always)]
+    fn pull_back(&mut self, weights: impl Fn(usize) -> V, columns: usize) -> Option<&[V]> {
+        let nx = self.nx;
+        for number in 0..self.substeps {
+            self.adjoint.start(number).copy_from_slice(&self.memory[..nx]);
+            if number + 1 < self.substeps {
+                self.substep();
+            }
+        }
+        self.adjoint.begin(weights, self.zero);
+        for number in (0..self.substeps).rev() {
+            self.memory[..nx].copy_from_slice(self.adjoint.start(number));
+            self.recorded_substep();
+            let Self { rhs, stages, entries, adjoint, zero, .. } = &mut *self;
+            adjoint.pull_back(rhs.pattern(), (stages, entries), columns, *zero);
+        }
+        Some(self.adjoint.gradient())
     }
 }

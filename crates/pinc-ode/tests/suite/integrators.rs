@@ -2,7 +2,7 @@
 
 use crate::common::{Oscillator, distance, flows, linearize, order};
 use pinc_ad::{Scalar, central_difference};
-use pinc_ode::{DynPlant, Integrator, Plant, Variable};
+use pinc_ode::{DynPlant, Gradients, Integrator, LinearizationBuffer, Plant, Stages, Variable};
 use pinc_plants::FourTanks;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
@@ -46,6 +46,66 @@ fn jacobians_are_the_derivatives_of_the_step() {
                 let at = [&flow.x[..], &flow.u].concat();
                 let expected = central_difference(along, &at, column);
                 assert!((found - expected).abs() < 1e-7, "{integrator}: {row}, {column}");
+            }
+        }
+    }
+}
+
+/// A plant as text, whose integrators can go backwards but for the Rosenbrock method.
+fn text() -> Box<dyn DynPlant> {
+    let named = |pairs: &[(&str, &str)]| {
+        pairs.iter().map(|(name, text)| ((*name).to_owned(), (*text).to_owned())).collect()
+    };
+    let equations = pinc_expr::Equations {
+        states: ["x", "y", "z"].map(|name| Variable::new(name, "")).to_vec(),
+        inputs: ["u", "v"].map(|name| Variable::new(name, "")).to_vec(),
+        parameters: [("a".to_owned(), 0.7), ("b".to_owned(), 1.3)].into(),
+        derivatives: named(&[
+            ("x", "a*sin(y) - x*u"),
+            ("y", "exp(-x)*v - b*y"),
+            ("z", "x*y - z*z*b + tanh(u)"),
+        ]),
+        ..pinc_expr::Equations::default()
+    };
+    equations.compile_with(&["a", "b"]).unwrap().into_dyn()
+}
+
+/// w'F has the gradient w'(A, B, E), by steps backwards or by the Jacobians, at any number of points.
+#[test]
+fn gradients_are_the_weighted_jacobians() {
+    for integrator in Integrator::ALL {
+        for (plant, backwards) in [(text(), integrator.tableau().is_some()), (tanks(), false)] {
+            let mut model = plant.model(integrator, 0.3, 3).unwrap();
+            let dims = model.dims();
+            for count in [1, 3, 8, 13, 16] {
+                let numbers = |width: usize, phase: f64| -> Vec<f64> {
+                    (0..count * width).map(|i| 1.5 + (1.7 * i as f64 + phase).sin()).collect()
+                };
+                let (x, u, p) =
+                    (numbers(dims.nx, 0.0), numbers(dims.nu, 1.0), numbers(dims.np, 2.0));
+                let (at, weights) = (Stages { x: &x, u: &u, p: &p }, numbers(dims.nx, 3.0));
+                let mut jacobians = LinearizationBuffer::new(dims, count);
+                model.linearize(at, jacobians.as_mut());
+                let (mut x, mut u, mut p) =
+                    (vec![0.0; x.len()], vec![0.0; u.len()], vec![0.0; p.len()]);
+                let out = Gradients { x: &mut x, u: &mut u, p: &mut p };
+                assert_eq!(model.pull_back(at, &weights, out), backwards, "{integrator}");
+                let out = Gradients { x: &mut x, u: &mut u, p: &mut p };
+                LinearizationBuffer::default().gradients(&mut *model, at, &weights, out);
+                for (found, jacobian, width) in [
+                    (&x, &jacobians.a, dims.nx),
+                    (&u, &jacobians.b, dims.nu),
+                    (&p, &jacobians.e, dims.np),
+                ] {
+                    for (i, found) in found.iter().enumerate() {
+                        let (point, column) = (i / width, i % width);
+                        let rows = (0..dims.nx).map(|row| point * dims.nx + row);
+                        let terms = rows.map(|row| weights[row] * jacobian[row * width + column]);
+                        let expected: f64 = terms.sum();
+                        let close = (found - expected).abs() <= 1e-12 * (1.0 + expected.abs());
+                        assert!(close, "{integrator}, {count} points: {found:e}, {expected:e}");
+                    }
+                }
             }
         }
     }
