@@ -27,8 +27,10 @@ pub(crate) fn examine(subject: &Subject<'_>) -> Vec<Finding> {
     let Some(found) = along_the_loop((control, spec), &*plant, &problem, rehearsal, subject) else {
         return Vec::new();
     };
-    let bounds = bounds(&problem, &*plant, &found);
+    let (bounds, unlimited): (Vec<_>, Vec<_>) =
+        bounds(&problem, &*plant, &found).into_iter().partition(|bound| bound.by.is_finite());
     let tightened = bounds.iter().filter(|bound| bound.by > 0.0).map(Bound::in_words);
+    let tightened: Vec<_> = tightened.collect();
     let left_out = [
         ("the estimator's covariance", spec.estimate),
         ("the net's error", spec.net_error != NetErrorSpec::NONE),
@@ -36,14 +38,24 @@ pub(crate) fn examine(subject: &Subject<'_>) -> Vec<Finding> {
     .iter()
     .filter_map(|(name, counts)| counts.then_some(*name))
     .collect::<Vec<_>>();
-    let mut what = format!(
-        "at the horizon's end bounds are tightened by at most {}",
-        tightened.collect::<Vec<_>>().join(", ")
-    );
+    let mut what = match tightened.is_empty() {
+        true => "no bound is tightened by a known distance at the horizon's end".to_owned(),
+        false => {
+            format!("at the horizon's end bounds are tightened by at most {}", tightened.join(", "))
+        }
+    };
     if !left_out.is_empty() {
         what.push_str(&format!("; not counted here: {}", left_out.join(", ")));
     }
     let mut findings = vec![Finding::fact(SECTION, what)];
+    if !unlimited.is_empty() {
+        let names: Vec<_> = unlimited.iter().map(|bound| &*bound.variable.name).collect();
+        let what = format!("deviations of {} from a plan have no limit", names.join(", "));
+        let finding = Finding::warning(SECTION, what)
+            .because("the model has no value for some of what is uncertain, or a number overflows")
+            .change("narrow what is uncertain");
+        findings.push(finding);
+    }
     for bound in bounds.iter().filter(|bound| bound.room <= 0.0) {
         let what = format!(
             "nothing is left between the bounds of {}, which are {} apart and tightened by {}",
@@ -89,6 +101,7 @@ fn along_the_loop(
         states: zeros(stages * dims.nx),
         inputs: zeros(problem.control_horizon * dims.nu),
         outputs: zeros(stages * outputs),
+        starts: Vec::new(),
     };
     let (mut found, mut largest) = (new(), new());
     let mut at = LinearizationBuffer::new(dims, stages);
@@ -107,7 +120,8 @@ fn along_the_loop(
             (&mut largest.inputs, &found.inputs),
             (&mut largest.outputs, &found.outputs),
         ] {
-            largest.iter_mut().zip(found).for_each(|(most, by)| *most = most.max(*by));
+            let known = |by: f64| if by.is_nan() { f64::INFINITY } else { by };
+            largest.iter_mut().zip(found).for_each(|(most, by)| *most = most.max(known(*by)));
         }
     }
     Some(largest)

@@ -14,8 +14,9 @@ use std::collections::BTreeMap;
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct CostSpec {
-    /// Cost per second, which is integrated over each stage of the horizon: by the integrator that
-    /// is the model, or along a net by Gauss-Legendre quadrature with three points.
+    /// Cost per second, or per `time_unit` of the plant's equations, which is integrated over each stage of
+    /// the horizon: by the integrator that is the model, or along a net by Gauss-Legendre quadrature
+    /// with three points.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub stage: Option<String>,
     /// Cost of the last predicted state, with the last input.

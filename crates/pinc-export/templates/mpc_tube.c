@@ -177,21 +177,27 @@ static void pinc_propagate(const PINC_REAL *a, const PINC_REAL *b, const PINC_RE
     }
 }
 
-/* Moves a lower and an upper bound inwards; where they would cross, both become the middle. */
+/* Moves a lower and an upper bound inwards; where they would cross, both become the middle. They
+   stay if there is no number to move them by. */
 static void pinc_move_bounds(pinc_mpc *m, PINC_REAL low, PINC_REAL high, PINC_REAL by,
                              PINC_REAL *to_low, PINC_REAL *to_high)
 {
-    *to_low = low + by;
-    *to_high = high - by;
+    const int known = pinc_all_finite(&by, 1);
+    *to_low = (known != 0) ? (low + by) : low;
+    *to_high = (known != 0) ? (high - by) : high;
     if (*to_low > *to_high) {
         *to_low = PINC_N(0.5) * (low + high);
         *to_high = *to_low;
         m->crossed++;
+    } else if ((known == 0) && ((pinc_all_finite(&low, 1) | pinc_all_finite(&high, 1)) != 0)) {
+        m->crossed++;
+    } else {
+        /* There is room. */
     }
 }
 
 /* Tightens the bounds of a step whose first guess is the plan, along the points where the model was
-   linearized last: the plan of the step before, moved on. Where the model has no value, they stay. */
+   linearized last: the plan of the step before, moved on. */
 static void pinc_tighten(pinc_mpc *m, const PINC_REAL *reference)
 {
     pinc_qp *qp = &m->qp[m->at];
@@ -201,6 +207,11 @@ static void pinc_tighten(pinc_mpc *m, const PINC_REAL *reference)
     PINC_REAL p[PINC_NX * PINC_NX];
     PINC_REAL e[PINC_NX * PINC_NX];
     PINC_REAL cost = PINC_N(0);
+#if PINC_OUTPUT_ROWS > 0
+    PINC_REAL y[PINC_NO];
+    PINC_REAL c[PINC_NO * PINC_NX];
+    PINC_REAL d[PINC_NO * PINC_NU];
+#endif
     int j;
     int i;
     if (m->linearized == 0) {
@@ -233,17 +244,28 @@ static void pinc_tighten(pinc_mpc *m, const PINC_REAL *reference)
                 PINC_MATH(sqrt)(pinc_max(e[i * (PINC_NX + 1)], PINC_N(0)));
         }
 #if PINC_OUTPUT_ROWS > 0
+        if ((shift == 0) && (end == (PINC_N2 - 1))) {
+            /* The first guess need not end where its last interval does. */
+            PINC_REAL x[PINC_NX];
+            for (i = 0; i < PINC_NX; i++) {
+                x[i] = m->plan.z[(end * PINC_NX) + i] + qp->c[(end * PINC_NX) + i];
+            }
+            pinc_seen_outputs(m, x, m->plan.z + (PINC_STATES + (pinc_acting(end) * PINC_NU)), y, c,
+                              d);
+        }
         for (i = 0; i < PINC_OUTPUT_ROWS; i++) {
             const int row = i + ((end - j) * PINC_OUTPUT_WIDTH);
-            if (pinc_output_interval[i] == j) {
+            if (pinc_output_interval[i] != j) {
+                continue;
+            }
+            if ((shift == 0) && (end == (PINC_N2 - 1))) {
+                by_output[i] = pinc_width(c + (pinc_output_number[i] * PINC_NX), p, e);
+            } else {
                 by_output[i] =
                     pinc_output_unit[i] * pinc_width(qp->output_x + (row * PINC_NX), p, e);
             }
         }
 #endif
-    }
-    if ((pinc_all_finite(by, PINC_UNKNOWNS) & pinc_all_finite(by_output, PINC_OUTPUT_ROWS)) == 0) {
-        return;
     }
     m->crossed = 0;
     for (i = 0; i < PINC_UNKNOWNS; i++) {

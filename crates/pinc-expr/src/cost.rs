@@ -1,6 +1,6 @@
 //! A cost beside the equations of a plant: integrated along them, and at an end.
 
-use crate::error::ExpressionError;
+use crate::error::{ExpressionError, ExpressionProblem};
 use crate::graph::Value;
 use crate::plant_graph::PlantGraph;
 use crate::{TimeUnit, parser, variable};
@@ -52,6 +52,10 @@ impl PlantGraph {
             scope.entry(output.name.as_ref()).or_insert(*value);
         }
         for (name, &value) in cost.parameters {
+            if let Some(meaning) = parser::reserved(name) {
+                let problem = ExpressionProblem::Reserved { name: name.clone(), meaning };
+                return Err(problem.at(format!("parameters.{name}")));
+            }
             scope.insert(name, self.graph.constant(value));
         }
         scope.insert(ADDED[0], self.graph.variable(own.len()));

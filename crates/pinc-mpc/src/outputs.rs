@@ -51,6 +51,14 @@ impl OutputRows {
         self.through.len()
     }
 
+    /// Copies the bounds that have rows at the starts of intervals, `[.., ny]`.
+    pub(crate) fn copy_starts(&self, from: &[f64], to: &mut [f64]) {
+        let width = (self.here.len() + self.through.len()).max(1);
+        for (from, to) in from.chunks_exact(width).zip(to.chunks_exact_mut(width)) {
+            self.through.iter().for_each(|&output| to[output] = from[output]);
+        }
+    }
+
     /// The output of each row, and at which end of the interval it is, if that matters.
     pub(crate) fn iter(&self) -> impl Iterator<Item = (usize, Option<IntervalEnd>)> {
         let here = self.here.iter().map(|&output| (output, None));
@@ -112,6 +120,11 @@ impl Outputs {
         &self.ends
     }
 
+    /// The values at the ends of all intervals and, where a bound asks for them, at their starts.
+    pub(crate) fn values(&self) -> [&[f64]; 2] {
+        [&self.ends.y, self.starts.as_ref().map_or(&[], |starts| &starts.y)]
+    }
+
     /// At the end of the intervals that a row is of.
     pub(crate) fn at(&self, end: Option<IntervalEnd>) -> &OutputPoints {
         match (end, &self.starts) {
@@ -138,11 +151,6 @@ impl OutputPoints {
             e: &mut [],
         };
         horizon.at(j - 1).linearize_output(at, out);
-    }
-
-    /// The outputs of all intervals, `[N, ny]`.
-    pub(crate) fn all(&self) -> &[f64] {
-        &self.y
     }
 
     /// The outputs in the interval that leads to stage `j`, from 1 on.

@@ -363,7 +363,7 @@ impl Plan<'_> {
     ) {
         let errors = self.errors(program, j);
         let q = program.tracking_weight(j);
-        for (tracked, q) in self.tracked.iter().zip(q.chunks_exact(errors.len())) {
+        for (tracked, q) in self.tracked.iter().zip(q.chunks_exact(errors.len().max(1))) {
             see(*tracked, q.iter().zip(&errors).map(|(q, e)| q * e).sum());
         }
     }

@@ -259,6 +259,7 @@ pub(crate) fn check_controller(nmpc: &mut Nmpc) -> Result<(), ShrinkError> {
     let equal = times.windows(2).all(|pair| {
         (pair[1] - pair[0] - nmpc.model().sample_time_s()).abs() <= 1e-9 * pair[1].abs()
     });
+    let differ = problem.state_bounds.low.len() > nmpc.model().dims().nx;
     let refused = [
         (costed || problem.tracked.is_empty(), "a stage cost", "references"),
         (problem.constraints.is_some(), "constraints h and g", "bounds"),
@@ -269,6 +270,12 @@ pub(crate) fn check_controller(nmpc: &mut Nmpc) -> Result<(), ShrinkError> {
         (!equal, "stages of different lengths", "stages of one length"),
         (nmpc.is_searched(), "whole inputs or a policy", "bounds and the model itself"),
         (nmpc.tightened().is_some(), "a tube", "tighter bounds"),
+        (
+            differ,
+            "bounds that differ between stages",
+            "the same bounds at all stages, no end_state",
+        ),
+        (nmpc.config().real_time, "real-time iterations", "plans that converge"),
     ];
     for (there, feature, instead) in refused {
         if there {

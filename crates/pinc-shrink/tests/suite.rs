@@ -11,7 +11,7 @@ use pinc_mpc::{
     Bounds, Constraints, Nmpc, NmpcProblem, Planner, Program, Reference, SqpConfig, SqpStatus,
     StageConstraints, Tracked, Weights,
 };
-use pinc_ode::{Dims, Integrator, Simulator, Variable};
+use pinc_ode::{Dims, Integrator, Rk4, Simulator, Variable};
 use pinc_plants::VanDerPol;
 use pinc_shrink::{
     Checked, Policy, Rater, Region, ShrinkConfig, ShrinkError, Shrunk, policy_to_c, shrink,
@@ -153,7 +153,7 @@ fn a_net_follows_as_its_controller() {
 
 /// What a net does not replace is named.
 #[test]
-fn constraints_are_refused() {
+fn other_controllers_are_refused() {
     #[derive(Debug)]
     struct Sum;
     impl StageConstraints for Sum {
@@ -164,16 +164,29 @@ fn constraints_are_refused() {
             h[0] = x[0] + x[1] - 3.0;
         }
     }
-    let make = || {
-        let problem = NmpcProblem { constraints: Some(Constraints::new(Sum)), ..problem() };
-        Ok::<_, ShrinkError>(controller(problem))
-    };
-    let mut batch = NmpcBatch::new(1, make).unwrap();
-    let plant = Simulator::new(&VanDerPol::default(), 1e-9);
-    let refused =
-        shrink(&mut batch, &plant, &region(), &small(), &mut |_| ControlFlow::Continue(()))
-            .unwrap_err();
-    assert!(refused.to_string().contains("constraints h and g"), "{refused}");
+    let constrained = NmpcProblem { constraints: Some(Constraints::new(Sum)), ..problem() };
+    let mut ending = problem();
+    let bounds = &mut ending.state_bounds;
+    for side in [&mut bounds.low, &mut bounds.high] {
+        *side = side.repeat(ending.horizon);
+    }
+    let by_real_time = SqpConfig { real_time: true, max_iterations: 1, ..SqpConfig::default() };
+    for (problem, config, expected) in [
+        (constrained, SqpConfig::default(), "constraints h and g"),
+        (ending, SqpConfig::default(), "bounds that differ between stages"),
+        (problem(), by_real_time, "real-time iterations"),
+    ] {
+        let make = || {
+            let model = Rk4::new(VanDerPol::default(), 0.5, 4);
+            Ok::<_, ShrinkError>(Nmpc::new(problem.clone(), Box::new(model), config).unwrap())
+        };
+        let mut batch = NmpcBatch::new(1, make).unwrap();
+        let plant = Simulator::new(&VanDerPol::default(), 1e-9);
+        let refused =
+            shrink(&mut batch, &plant, &region(), &small(), &mut |_| ControlFlow::Continue(()))
+                .unwrap_err();
+        assert!(refused.to_string().contains(expected), "{refused}");
+    }
 }
 
 /// Decisions in C for states and references on the input, each of which may begin anew with an input

@@ -63,6 +63,9 @@ pub struct BackOffs {
     pub states: Vec<f64>,
     /// At the free inputs, `[Nu, m]`.
     pub inputs: Vec<f64>,
-    /// At the outputs of the predicted states, `[N, ny]`; empty if none has bounds.
+    /// At the outputs of the predicted states, under the inputs that lead there, `[N, ny]`; empty if
+    /// none has bounds.
     pub outputs: Vec<f64>,
+    /// At the outputs where these inputs begin to act, `[N, ny]`; empty if no bound depends on them.
+    pub starts: Vec<f64>,
 }

@@ -52,6 +52,13 @@ pub struct EllipsoidTube {
     work: Work,
 }
 
+/// An end of the interval in which an input acts.
+#[derive(Clone, Copy, Debug)]
+enum IntervalEnd {
+    Start,
+    End,
+}
+
 /// Numbers of one stage.
 #[derive(Debug, Default)]
 struct Work {
@@ -237,36 +244,66 @@ impl EllipsoidTube {
             let size =
                 |end: &[f64]| end.iter().zip(units).map(|(d, unit)| (d / unit).powi(2)).sum();
             let (down, up): (f64, f64) = (size(low), size(high));
+            // Where the model has no value at an end, neither has the deviation.
+            let farther = up >= down || up.is_nan();
             multiply(m, g, n, 1, x);
             // Both ends along one direction, so that the stages add up.
             for (i, g) in g.iter_mut().enumerate() {
-                *g = x[i] + if up >= down { high[i] } else { -low[i] };
+                *g = x[i] + if farther { high[i] } else { -low[i] };
             }
         }
     }
 
-    /// Linearizes the outputs at the end of stage `j`, under the input of the stage, and writes what
-    /// of their deviations comes through that input and directly from the parameters.
-    fn begin_outputs(&mut self, j: usize, along: AlongPlan<'_>, to: &mut [f64]) {
-        let (Dims { nx: n, nu, .. }, (at, _)) = (self.dims, along.stage(j));
+    /// Linearizes the outputs at a state under the input of stage `j`.
+    fn linearize_outputs(&mut self, j: usize, along: AlongPlan<'_>, end: IntervalEnd) {
+        let (at, _) = along.stage(j);
         let Some(TubeModel { model, more }) = &mut self.model else { return };
         let Work { p, x, outputs: [y, c, d, e], .. } = &mut self.work;
         write_parameters(at.p, more, p);
-        if j + 1 < along.stages() {
-            x.copy_from_slice(along.stage(j + 1).0.x);
-        } else {
-            model.step(at.x, at.u, p, x);
+        match end {
+            IntervalEnd::Start => x.copy_from_slice(at.x),
+            IntervalEnd::End if j + 1 < along.stages() => {
+                x.copy_from_slice(along.stage(j + 1).0.x);
+            }
+            IntervalEnd::End => model.step(at.x, at.u, p, x),
         }
         model.linearize_output(Stages { x, u: at.u, p }, OutputLinearization { y, c, d, e });
+    }
+
+    /// By how much output `i` may deviate since the parameters do, directly.
+    fn direct(&self, i: usize) -> f64 {
+        let Work { p, outputs: [_, _, _, e], .. } = &self.work;
+        let by_p = &e[i * p.len()..(i + 1) * p.len()];
+        let farthest = |of: &Interval| (of.high - p[of.place]).max(p[of.place] - of.low);
+        let parameters = self.sources.parameters.iter();
+        parameters.map(|of| by_p[of.place].abs() * farthest(of)).sum()
+    }
+
+    /// Writes how far the outputs may be from the plan where the input of stage `j` begins to act:
+    /// their deviations are (C + D K) times the state's.
+    fn start_outputs(&mut self, j: usize, along: AlongPlan<'_>, to: &mut [f64]) {
+        let Dims { nx: n, nu, .. } = self.dims;
+        self.linearize_outputs(j, along, IntervalEnd::Start);
+        let mut row = std::mem::take(&mut self.work.through);
+        for (i, to) in to.iter_mut().enumerate() {
+            let [_, c, d, _] = &self.work.outputs;
+            multiply(&d[i * nu..(i + 1) * nu], self.gains.stage(j), nu, n, &mut row);
+            row.iter_mut().zip(&c[i * n..(i + 1) * n]).for_each(|(row, c)| *row += c);
+            *to = self.width(&row, j) + self.direct(i);
+        }
+        self.work.through = row;
+    }
+
+    /// Linearizes the outputs at the end of stage `j`, and writes what of their deviations comes through
+    /// its input and directly from the parameters.
+    fn begin_outputs(&mut self, j: usize, along: AlongPlan<'_>, to: &mut [f64]) {
+        let Dims { nx: n, nu, .. } = self.dims;
+        self.linearize_outputs(j, along, IntervalEnd::End);
         let mut through = std::mem::take(&mut self.work.through);
         for (i, to) in to.iter_mut().enumerate() {
-            let Work { p, outputs: [_, _, d, e], .. } = &self.work;
+            let d = &self.work.outputs[2];
             multiply(&d[i * nu..(i + 1) * nu], self.gains.stage(j), nu, n, &mut through);
-            let by_p = &e[i * p.len()..(i + 1) * p.len()];
-            let farthest = |of: &Interval| (of.high - p[of.place]).max(p[of.place] - of.low);
-            let parameters = self.sources.parameters.iter();
-            let direct: f64 = parameters.map(|of| by_p[of.place].abs() * farthest(of)).sum();
-            *to = self.width(&through, j) + direct;
+            *to = self.width(&through, j) + self.direct(i);
         }
         self.work.through = through;
     }
@@ -301,6 +338,9 @@ impl Tube for EllipsoidTube {
                 *to = to.max(width);
             }
             let (at, jacobians) = along.stage(j);
+            if let Some(starts) = back_offs.starts.get_mut(j * ny..(j + 1) * ny) {
+                self.start_outputs(j, along, starts);
+            }
             let outputs = &mut back_offs.outputs[j * ny..(j + 1) * ny];
             if ny > 0 {
                 self.begin_outputs(j, along, outputs);

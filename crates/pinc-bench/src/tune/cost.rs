@@ -75,6 +75,14 @@ impl Cost {
         Ok(Self { terms: metrics.into_iter().map(term).collect() })
     }
 
+    /// The name of a metric that a loop of `base` which did not fail does not have.
+    pub(super) fn missing(&self, base: &Experiment, results: &[Finished]) -> Option<&str> {
+        let finished = results.iter().find(|finished| is_fine(base, finished))?;
+        let number = |term: &Term| term.metric.number(&finished.metrics);
+        let lacks = |term: &&Term| number(term).is_none_or(|number| !number.is_finite());
+        self.terms.iter().find(lacks).map(|term| term.name.as_str())
+    }
+
     /// Divides metrics with a unit by their means in these loops.
     pub(super) fn set_scales(&mut self, results: &[Finished]) {
         for Term { metric, scale, .. } in &mut self.terms {
@@ -89,11 +97,10 @@ impl Cost {
     /// What the loops of a candidate cost; the worst score without any.
     pub(super) fn score(&self, base: &Experiment, results: &[Finished]) -> Score {
         let values = |finished: &Finished| -> Option<Vec<f64>> {
-            let is_fine =
-                finished.ending == Ending::Done && verdict(base, &finished.metrics).is_ok();
             let numbers = self.terms.iter().map(|term| term.metric.number(&finished.metrics));
             let numbers: Vec<f64> = numbers.collect::<Option<_>>()?;
-            (is_fine && numbers.iter().all(|number| number.is_finite())).then_some(numbers)
+            (is_fine(base, finished) && numbers.iter().all(|number| number.is_finite()))
+                .then_some(numbers)
         };
         let loops: Vec<Vec<f64>> = results.iter().filter_map(values).collect();
         if loops.is_empty() {
@@ -160,6 +167,11 @@ impl Cost {
         }
         text
     }
+}
+
+/// Whether a loop came to its end, as a run counts it.
+fn is_fine(base: &Experiment, finished: &Finished) -> bool {
+    finished.ending == Ending::Done && verdict(base, &finished.metrics).is_ok()
 }
 
 /// The mean of numbers; 0 of none.

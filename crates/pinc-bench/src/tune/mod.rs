@@ -14,6 +14,7 @@ use pinc_runs::{Options, RunError, Threads, train_shared};
 use rand::rngs::ChaCha8Rng;
 use rand::{RngExt, SeedableRng};
 use rayon::prelude::*;
+use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
@@ -136,6 +137,10 @@ impl Session<'_> {
             RunError::usage(&self.base.name, format!("`tune.draws`: {problem}"))
         })?;
         let results = self.run(&[written])?.concat();
+        if let Some(name) = cost.missing(&self.base, &results) {
+            let problem = format!("`tune.cost`: the loops have no metric `{name}`; name others");
+            return Err(RunError::usage(&self.base.name, problem));
+        }
         cost.set_scales(&results);
         let mut tried = vec![(Candidate::new(), cost.score(&self.base, &results))];
         let (mut best, mut size) = (0, 1);
@@ -198,9 +203,15 @@ impl Session<'_> {
                 train_shared(training, &net, &self.begun, &Threads::new(&cores), self.options)?;
             }
         }
-        let results = all.into_par_iter().map(|trial| self.one(trial));
-        let mut results = results.collect::<Result<Vec<_>, _>>()?.into_iter();
-        Ok(candidates.iter().map(|trials| results.by_ref().take(trials.len()).collect()).collect())
+        // Candidates that are equal have the same trials, each in one directory.
+        let distinct: BTreeMap<&str, &Trial> =
+            all.into_iter().map(|trial| (trial.id.as_str(), trial)).collect();
+        let results = distinct.into_par_iter().map(|(id, trial)| Ok((id, self.one(trial)?)));
+        let results = results.collect::<Result<BTreeMap<_, _>, RunError>>()?;
+        let of = |trials: &Vec<Trial>| {
+            trials.iter().filter_map(|trial| results.get(trial.id.as_str())).cloned().collect()
+        };
+        Ok(candidates.iter().map(of).collect())
     }
 
     fn one(&self, trial: &Trial) -> Result<Finished, RunError> {

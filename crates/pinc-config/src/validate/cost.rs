@@ -4,6 +4,7 @@ use super::values::value;
 use super::{Checked, Problem, expression_finding};
 use crate::control::is_no_weight;
 use crate::{ControlSpec, Experiment, PlantSpec, Variables};
+use pinc_mpc::SqpHessian;
 
 /// What is written, or left out, of the cost.
 pub(super) fn parts(spec: &ControlSpec) -> Checked {
@@ -38,6 +39,10 @@ pub(super) fn expressions(
     if spec.sqp.real_time {
         let expected = "false with [control.cost], which needs more than one iteration";
         return value("control.sqp.real_time", true, expected);
+    }
+    if spec.sqp.hessian == SqpHessian::GaussNewton {
+        let expected = "\"auto\" or \"adaptive\" with [control.cost], whose Hessian is exact";
+        return value("control.sqp.hessian", "\"gauss-newton\"", expected);
     }
     let mut taken =
         [variables.state_names(), variables.input_names(), variables.output_names()].concat();

@@ -66,6 +66,10 @@ fn tree(control: &ControlSpec, spec: &ScenarioSpec) -> Checked {
         let key = format!("{SECTION}.weights");
         length(&key, weights, branches, "branch")?;
         each(&key, weights, positive)?;
+        let sum: f64 = weights.iter().sum();
+        if !sum.is_finite() {
+            return value(&key, sum, "weights with a finite sum");
+        }
     }
     let key = format!("{SECTION}.robust_horizon");
     let horizon = spec.robust_horizon;

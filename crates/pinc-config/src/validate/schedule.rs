@@ -3,6 +3,7 @@
 use super::Checked;
 use super::values::{alone, distinct, place, step_mark, value, whole_steps};
 use crate::{ControlSpec, Experiment, OnError, ParameterStep, Variables};
+use std::collections::BTreeMap;
 
 /// Key of the parameters that the models are told.
 const PARAMETERS: &str = "control.parameter_schedule";
@@ -52,15 +53,35 @@ fn bounds(spec: &ControlSpec, variables: &Variables) -> Checked {
     let starts = spec.bound_schedule.iter().map(|step| step.start_s);
     increasing(BOUNDS, starts, spec.duration_s)?;
     let names = [variables.state_names(), variables.input_names(), variables.own_output_names()];
+    let mut now: BTreeMap<(&str, usize), f64> = BTreeMap::new();
     for (i, step) in spec.bound_schedule.iter().enumerate() {
-        for ((side, given), known) in step.sides().into_iter().zip(names.iter().cycle()) {
-            for (name, number) in given {
+        let sides = step.sides().into_iter().zip(names.iter().cycle());
+        let mut given = Vec::new();
+        for ((side, bounds), known) in sides {
+            for (name, &number) in bounds {
                 let key = format!("{BOUNDS}[{i}].{side}.{name}");
                 let place = place(&key, name, known)?;
                 if !spec.bound(side, place).is_finite() {
                     let expected = format!("a bound of {name} in control.{side} to start from");
                     return value(&key, number, &expected);
                 }
+                now.insert((side, place), number);
+                given.push((key, side, place, number));
+            }
+        }
+        for (key, side, place, number) in given {
+            let (of, is_low) = match side.strip_suffix("low") {
+                Some(of) => (of, true),
+                None => (side.trim_end_matches("high"), false),
+            };
+            let other = format!("{of}{}", if is_low { "high" } else { "low" });
+            let bound = now.get(&(other.as_str(), place)).copied();
+            let bound = bound.unwrap_or_else(|| spec.bound(&other, place));
+            let crossed = if is_low { number > bound } else { number < bound };
+            if crossed && bound.is_finite() {
+                let limit = if is_low { "at most" } else { "at least" };
+                let expected = format!("{limit} {bound}, its {other} from {} s on", step.start_s);
+                return value(&key, number, &expected);
             }
         }
     }

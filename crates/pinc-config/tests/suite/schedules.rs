@@ -181,7 +181,7 @@ fn bounds_are_functions_of_t() {
             "expected a bound of v in control.state_high",
         ),
         ("[{ start_s = 1.0, state_high = { y = 2.0 } }]", "`y` is not known; expected one of x, v"),
-        ("[{ start_s = 1.0, input_low = { u = 2.0 } }]", "lower bounds below upper bounds"),
+        ("[{ start_s = 1.0, input_low = { u = 2.0 } }]", "expected at most 1, its input_high"),
         (
             "[{ start_s = 1.02, input_low = { u = 0.0 } }]",
             "a whole number of steps of T = 0.5 s: 1 or 1.5",
@@ -249,6 +249,45 @@ fn functions_that_cannot_be_used_are_refused() {
 
 /// A resolved config has steps; the trials of a sweep have the function, with their own length of a
 /// step.
+/// What goes together at no time, or never, is refused at the key that says it.
+#[test]
+fn contradictions_are_refused() {
+    const COST: &str = "control.cost.stage=\"u^2\"";
+    for (sets, expected) in [
+        (
+            &["control.bound_schedule=[{ start_s = 1.0, input_low = { u = 2.0 } }]"][..],
+            "`control.bound_schedule[0].input_low.u`: 2 given, expected at most 1, its input_high \
+             from 1 s on",
+        ),
+        (
+            &[
+                "control.bound_schedule=[{ start_s = 1.0, input_high = { u = 0.5 } }, { start_s = 2.0, \
+               input_low = { u = 0.4 } }, { start_s = 3.0, input_high = { u = 0.3 } }]",
+            ],
+            "`control.bound_schedule[2].input_high.u`: 0.3 given, expected at least 0.4, its \
+             input_low from 3 s on",
+        ),
+        (
+            &[COST, "control.cost.parameters.pi=3.0"],
+            "`control.cost.parameters.pi`: the name `pi` is taken: the number pi",
+        ),
+        (
+            &[COST, "control.sqp.hessian=gauss-newton"],
+            "`control.sqp.hessian`: \"gauss-newton\" given, expected \"auto\" or \"adaptive\"",
+        ),
+        (
+            &[
+                "control.integer=[\"u\"]",
+                "control.uncertainty={ probability = 0.9, process_sd = [0.1, 0.1] }",
+            ],
+            "`control.integer`: [\"u\"] given, expected no such key with control.uncertainty",
+        ),
+    ] {
+        let refused = parse(LOOP, sets).unwrap_err();
+        assert!(refused.contains(expected), "{refused}");
+    }
+}
+
 #[test]
 fn schedules_survive_being_written_out_and_swept() {
     let sets = [

@@ -51,6 +51,11 @@ impl KktResidual {
         }
     }
 
+    /// The same; all are infinite where the cost has no value, which its derivatives may have.
+    pub(crate) fn with_cost(cost: f64, qp: &Qp, at: &Solution, work: &mut [f64]) -> Self {
+        if cost.is_finite() { Self::new(qp, at, work) } else { Self::unknown() }
+    }
+
     /// The residuals of a point where nothing is known: all infinite.
     pub(crate) fn unknown() -> Self {
         let all = f64::INFINITY;

@@ -239,8 +239,8 @@ impl Sqp {
         let qp = &mut self.qp;
         self.transcription.move_measured([input.x0, &self.prepared], qp);
         let cost = self.transcription.measure(input.x0, &plan.z, input.targets, qp);
+        let last = KktResidual::with_cost(cost, &self.qp, plan, &mut self.work);
         let cost = self.transcription.units.plain_cost(cost);
-        let last = self.residual(plan);
         let (status, conflict) = match last.max().is_finite() {
             true => self.solve_prepared(plan, expired),
             false => (SqpStatus::NumericalTrouble, None),
@@ -572,7 +572,7 @@ impl Sqp {
             return None;
         }
         let cost = self.transcription.measure(x0, &plan.z, targets, qp);
-        Some(Point { kkt: KktResidual::new(qp, plan, &mut self.work), cost })
+        Some(Point { kkt: KktResidual::with_cost(cost, qp, plan, &mut self.work), cost })
     }
 
     fn accept_trial(&mut self, length: f64) {

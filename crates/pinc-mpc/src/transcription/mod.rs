@@ -8,7 +8,7 @@ use crate::cost::{Cost, Targets};
 use crate::curvature::{At, Curvature, Purpose};
 use crate::horizon::Horizon;
 use crate::linearization_cache::LinearizationCache;
-use crate::outputs::{OutputRows, Outputs};
+use crate::outputs::{IntervalEnd, OutputRows, Outputs};
 use crate::scenarios::Nodes;
 use crate::solution::Solution;
 use crate::stage_cost::StageCost;
@@ -38,8 +38,8 @@ pub(crate) struct Transcription {
     follows_plan: bool,
     /// Whether there are any of these.
     limits_increments: bool,
-    /// Bounds on the outputs at all constrained stages.
-    output_bounds: Bounds,
+    /// Bounds on the outputs at all constrained stages, at the ends of the intervals and at their starts.
+    output_bounds: [Bounds; 2],
     pub(crate) constraints: Option<Constraints>,
     work: ConstraintWork,
     cache: LinearizationCache,
@@ -71,7 +71,7 @@ impl Transcription {
         let increments = problem.increment_bounds.expand(dims.nu, depths(0..dims.n_controls, 0));
         let cost = Cost::new(problem, dims, &nodes);
         let outputs = |b: &Bounds| b.expand(model.ny, depths(dims.constrained(), problem.n1));
-        let output_bounds = problem.output_bounds.as_ref();
+        let output_bounds = problem.output_bounds.as_ref().map_or(Bounds::none(0), outputs);
         let constant = cost.state_hessians();
         let terms = StageTerms::new(problem, (dims, &nodes), constant, stage_cost, horizon.times());
         let mut transcription = Self {
@@ -86,7 +86,7 @@ impl Transcription {
             increments,
             tightening: None,
             follows_plan: false,
-            output_bounds: output_bounds.map_or(Bounds::none(0), outputs),
+            output_bounds: [output_bounds.clone(), output_bounds],
             constraints: problem.constraints.clone(),
             work: ConstraintWork::new(model, dims.general()),
             cache: LinearizationCache::new(dims, problem),
@@ -123,10 +123,10 @@ impl Transcription {
                 qp.rows.high[row] = 0.0;
                 qp.rows.low[row] = if i < dims.inequalities { f64::NEG_INFINITY } else { 0.0 };
             }
-            for (row, (output, _)) in outputs.zip(self.output_rows.iter()) {
-                qp.rows.penalty[row] = part * problem.output_softness.penalty(output);
+            for (row, of) in outputs.zip(self.output_rows.iter()) {
+                qp.rows.penalty[row] = part * problem.output_softness.penalty(of.0);
                 [qp.rows.low[row], qp.rows.high[row]] =
-                    output_limits(&self.output_bounds, dims, j, output);
+                    output_limits(&self.output_bounds, dims, j, of);
             }
         }
         self.units.choose_cost(&self.plain.q, &self.plain.r);
@@ -181,8 +181,9 @@ impl Transcription {
     ) {
         let dims = self.dims;
         let width = dims.outputs + dims.feedthrough;
-        let own = [&mut self.bounds, &mut self.output_bounds];
-        let [[low, high], [y_low, y_high]] = match &mut self.tightening {
+        let [ends, starts] = &mut self.output_bounds;
+        let own = [&mut self.bounds, ends, starts];
+        let [[low, high], [y_low, y_high], at_starts] = match &mut self.tightening {
             Some(tightening) => tightening.given.each_mut().map(|sides| sides.each_mut()),
             None => own.map(|of| [&mut of.low, &mut of.high]),
         };
@@ -202,6 +203,9 @@ impl Transcription {
                 let sides = (&mut y_low[output.clone()], &mut y_high[output]);
                 schedule.write(start..end, Part::Output, sides.0, sides.1);
             }
+        }
+        for (to, from) in at_starts.into_iter().zip([y_low, y_high]) {
+            self.output_rows.copy_starts(from, to);
         }
     }
 
@@ -468,12 +472,12 @@ impl Transcription {
         let (n, m) = (dims.nx, dims.nu);
         for j in dims.constrained() {
             let (_, rows) = split_rows(dims, j);
-            for (row, (output, end)) in rows.zip(self.output_rows.iter()) {
+            for (row, of @ (output, end)) in rows.zip(self.output_rows.iter()) {
                 let points = outputs.at(end);
                 let ([c, d], y) = (points.rows(j, output), points.y(j)[output]);
                 qp.rows_x[row * n..(row + 1) * n].copy_from_slice(c);
                 qp.rows_u[row * m..(row + 1) * m].copy_from_slice(d);
-                let limits = output_limits(&self.output_bounds, dims, j, output);
+                let limits = output_limits(&self.output_bounds, dims, j, of);
                 [qp.rows.low[row], qp.rows.high[row]] = limits.map(|limit| limit - y);
             }
         }
@@ -536,9 +540,18 @@ fn split_rows(dims: OcpDims, j: usize) -> (Range<usize>, Range<usize>) {
     (start..start + dims.general(), start + dims.general()..end)
 }
 
-/// The bounds of an output at stage `j`.
-fn output_limits(bounds: &Bounds, dims: OcpDims, j: usize, output: usize) -> [f64; 2] {
+/// The bounds of a row for an output at stage `j`.
+fn output_limits(
+    [ends, starts]: &[Bounds; 2],
+    dims: OcpDims,
+    j: usize,
+    (output, end): (usize, Option<IntervalEnd>),
+) -> [f64; 2] {
     let at = (j - dims.n1) * (dims.outputs + dims.feedthrough) + output;
+    let bounds = match end {
+        Some(IntervalEnd::Start) => starts,
+        Some(IntervalEnd::End) | None => ends,
+    };
     [bounds.low[at], bounds.high[at]]
 }
 

@@ -2,13 +2,21 @@
 
 use super::Transcription;
 use crate::horizon::Horizon;
+use crate::outputs::Outputs;
 use pinc_tube::{Tightened, Tightening, Tube};
 
 impl Transcription {
     /// Lets `tube` tighten the bounds, of a model with `ny` outputs.
     pub(crate) fn set_tube(&mut self, tube: Box<dyn Tube>, ny: usize) {
-        let given = [&self.bounds, &self.output_bounds].map(|of| [of.low.clone(), of.high.clone()]);
+        let [ends, _] = &self.output_bounds;
+        let [given, ends] = [&self.bounds, ends].map(|of| [of.low.clone(), of.high.clone()]);
         let dims = self.dims;
+        let at_starts = if dims.feedthrough > 0 { ends[0].len() } else { 0 };
+        let mut starts = [f64::NEG_INFINITY, f64::INFINITY].map(|none| vec![none; at_starts]);
+        for (to, from) in starts.iter_mut().zip(&ends) {
+            self.output_rows.copy_starts(from, to);
+        }
+        let given = [given, ends, starts];
         let sizes = [dims.all_states(), dims.all_inputs(), dims.horizon * ny];
         self.tightening = Some(Tightening::new(tube, sizes, given));
     }
@@ -25,7 +33,7 @@ impl Transcription {
 
     /// Tightens the bounds of a plan from `x0`, of which `z` is the first guess, along the points
     /// where the model was linearized last: the plan of the step before, unless the guess `is_known`
-    /// there; whether bounds changed. Where the model has no value, they stay as they are.
+    /// there; whether bounds changed.
     pub(crate) fn tighten(
         &mut self,
         horizon: &mut Horizon,
@@ -54,7 +62,8 @@ impl Transcription {
     pub(super) fn tighten_along(&mut self, shift: usize) -> bool {
         let Some(tightening) = &mut self.tightening else { return false };
         let Some(along) = self.cache.ahead(shift) else { return false };
-        let bounds = [&mut self.bounds, &mut self.output_bounds];
+        let [ends, starts] = &mut self.output_bounds;
+        let bounds = [&mut self.bounds, ends, starts];
         tightening.tighten(along, bounds.map(|of| [&mut of.low[..], &mut of.high]));
         true
     }
@@ -62,8 +71,9 @@ impl Transcription {
     /// What became of the bounds, for a plan `z` that the outputs are of.
     pub(crate) fn tightened(&self, z: &[f64]) -> Option<Tightened<'_>> {
         let of = self.tightening.as_ref()?;
-        let y = self.outputs.as_ref().map_or(&[][..], |outputs| outputs.ends().all());
-        let bounds = [&self.bounds, &self.output_bounds].map(|of| [&of.low[..], &of.high]);
-        Some(of.judge(bounds, z, y))
+        let outputs = self.outputs.as_ref().map_or([&[][..]; 2], Outputs::values);
+        let [ends, starts] = &self.output_bounds;
+        let bounds = [&self.bounds, ends, starts].map(|of| [&of.low[..], &of.high]);
+        Some(of.judge(bounds, z, outputs))
     }
 }

@@ -52,6 +52,30 @@ impl StageCost for Wells {
     }
 }
 
+/// A cost that has derivatives and no value.
+#[derive(Debug)]
+struct Valueless(f64);
+
+impl StageCost for Valueless {
+    fn quadratize(&mut self, at: StagePoint<'_>, out: &mut QuadBlock) {
+        out.value = self.0;
+        (out.by_x[0], out.by_u[0]) = (at.x[0], at.u[0]);
+        (out.q[0], out.r[0]) = (1.0, 1.0);
+    }
+}
+
+#[test]
+fn a_cost_without_a_value_is_no_success() {
+    for value in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {
+        let weights = Weights::uniform(Vec::<f64>::new(), vec![0.0]);
+        let problem =
+            NmpcProblem { tracked: Vec::new(), ..NmpcProblem::new(Dims::new(1, 1), 3, weights) };
+        let builder = Nmpc::builder(problem).model(Box::new(Sum));
+        let mut nmpc = builder.stage_cost(Box::new(Valueless(value))).build().unwrap();
+        assert_eq!(nmpc.step(&[1.0], &[]).unwrap().status, SqpStatus::NumericalTrouble, "{value}");
+    }
+}
+
 fn wells(horizon: usize, qp: QpMethod) -> Nmpc {
     sloping_wells(horizon, 0.0, SqpConfig { qp, ..SqpConfig::default() }).unwrap()
 }

@@ -55,7 +55,7 @@ fn back_offs(size: f64, [x, u]: &[Vec<f64>; 2]) -> BackOffs {
     let mut at = LinearizationBuffer::new(model.dims(), N);
     model.linearize(stages, at.as_mut());
     let zeros = |size: usize| vec![0.0; size];
-    let mut found = BackOffs { states: zeros(4 * N), inputs: zeros(2 * NU), outputs: zeros(0) };
+    let mut found = BackOffs { states: zeros(4 * N), inputs: zeros(2 * NU), ..BackOffs::default() };
     let along = AlongPlan::new(stages, [&at.a, &at.b], model.dims(), 0);
     tube(size).write(along, &mut found);
     found

@@ -62,7 +62,7 @@ fn tube(sources: Sources, covariance: Option<&[f64; 4]>) -> (EllipsoidTube, Back
         tube.set_covariance(covariance);
     }
     let zeros = |size: usize| vec![0.0; size];
-    let mut found = BackOffs { states: zeros(2 * N), inputs: zeros(N), outputs: zeros(0) };
+    let mut found = BackOffs { states: zeros(2 * N), inputs: zeros(N), ..BackOffs::default() };
     tube.write(AlongPlan::new(plan, [&A.repeat(N), &B.repeat(N)], DIMS, 0), &mut found);
     (tube, found)
 }

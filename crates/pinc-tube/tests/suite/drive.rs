@@ -92,6 +92,7 @@ fn back_offs_match_numpy() {
         states: vec![f64::NAN; 3 * N],
         inputs: vec![f64::NAN; 2 * NU],
         outputs: vec![f64::NAN; N],
+        ..BackOffs::default()
     };
     // Twice: nothing is left of the first.
     for _ in 0..2 {

@@ -2,4 +2,5 @@
 
 mod drawn;
 mod drive;
+mod outputs;
 mod refusals;

@@ -47,7 +47,7 @@ impl StageError for Broken {
 fn an_error_that_is_no_number_counts_as_a_large_one() {
     let sources = Sources { error: Some(Box::new(Broken)), ..Sources::default() };
     let mut tube = tube(sources, Feedback::None).unwrap();
-    let mut found = BackOffs { states: vec![0.0], inputs: vec![0.0], outputs: vec![] };
+    let mut found = BackOffs { states: vec![0.0], inputs: vec![0.0], ..BackOffs::default() };
     let plan = Stages { x: &[0.0], u: &[0.0], p: &[] };
     tube.write(AlongPlan::new(plan, [&[1.0], &[1.0]], DIMS, 0), &mut found);
     assert!((found.states[0] - 2000.0).abs() < 1e-9, "{found:?}");
@@ -61,7 +61,7 @@ fn a_covariance_that_is_no_source_widens_nothing() {
         let sources = Sources { probability: Some(0.9), estimate, ..Sources::default() };
         let mut tube = tube(sources, Feedback::None).unwrap();
         tube.set_covariance(&[4.0]);
-        let mut found = BackOffs { states: vec![0.0], inputs: vec![0.0], outputs: vec![] };
+        let mut found = BackOffs { states: vec![0.0], inputs: vec![0.0], ..BackOffs::default() };
         let plan = Stages { x: &[0.0], u: &[0.0], p: &[] };
         tube.write(AlongPlan::new(plan, [&[1.0], &[1.0]], DIMS, 0), &mut found);
         assert!((found.states[0] - expected).abs() < 1e-5, "{found:?}");

@@ -130,3 +130,30 @@ fn what_cannot_be_tuned_is_refused() {
         tune(&config, &out, &[]).assert_refused(parts);
     }
 }
+
+/// Where no candidate is better, the config is compared with itself; without the metrics of the cost
+/// there is nothing to compare.
+#[test]
+fn the_config_itself_may_be_best_and_a_cost_without_metrics_is_refused() {
+    let dir = tempfile::tempdir().unwrap();
+    let config = dir.path().join("lag.toml");
+    let worse = LAG
+        .replace("r = [100.0]", "r = [0.02]")
+        .replace("low = 0.01, high = 1000.0", "low = 1e4, high = 1e5")
+        .replace("candidates = 24", "candidates = 1");
+    fs::write(&config, &worse).unwrap();
+    let found = tune(&config, &dir.path().join("worse"), &[]);
+    assert_eq!(found.code, Some(0), "{found:?}");
+    let line = found.stdout.lines().find(|line| line.starts_with("cost of 4 held-out")).unwrap();
+    let costs: Vec<&str> = line.split_whitespace().rev().take(2).collect();
+    assert_eq!(costs[0], costs[1], "{line}");
+    let economic = worse
+        .replace("controlled = [\"x\"]", "controlled = []")
+        .replace("q = [1.0]", "cost = { stage = \"(x - 1)^2\" }")
+        .replace("references = [{ start_s = 0.0, value = [1.0] }]", "")
+        .replace("{ key = \"control.references.0.value.0\", low = 0.5, high = 2.0 },", "");
+    fs::write(&config, economic).unwrap();
+    let refused = tune(&config, &dir.path().join("economic"), &[]);
+    assert_eq!(refused.code, Some(2), "{refused:?}");
+    assert!(refused.stderr.contains("`tune.cost`: the loops have no metric"), "{refused:?}");
+}
