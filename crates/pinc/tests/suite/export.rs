@@ -166,9 +166,10 @@ fn a_loop_in_c_keeps_the_distance_of_its_tube() {
         &["control.uncertainty.process_sd=[]", "control.uncertainty.probability=\"worst-case\""],
         // The first guess, a plan at rest that moves, does not end where its last interval does.
         &[
-            "plant.expression.outputs.far=\"x/1000 + 0.3*v + 1e-9*x^3\"",
-            "control.initial_state=[300.0, 0.5]",
-            "control.initial_input=[0.5]",
+            "plant.expression.outputs.far=\"0.3*v + x^3/1e9\"",
+            "control.initial_state=[700.0, 0.5]",
+            "control.n2=4",
+            "control.nu=4",
         ],
         // So much that nothing is left between some bounds, or that a distance overflows.
         &["control.uncertainty.process_sd=[1e200, 0.01]", "control.max_failed_share=1.0"],
