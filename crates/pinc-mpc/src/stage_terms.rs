@@ -226,7 +226,8 @@ impl StageTerms {
         }
         self.weighted.fill(0.0);
         for (row, q) in self.weighted.chunks_exact_mut(width).zip(q.chunks_exact(count)) {
-            for (jacobian, &q) in self.jacobian.chunks_exact(width).zip(q) {
+            let rows = self.jacobian.chunks_exact(width).zip(q);
+            for (jacobian, &q) in rows.filter(|(_, q)| **q != 0.0) {
                 row.iter_mut().zip(jacobian).for_each(|(sum, entry)| *sum += q * entry);
             }
         }
@@ -246,7 +247,8 @@ impl StageTerms {
             let gradient = block.by_x.iter_mut().chain(&mut block.by_u);
             gradient.zip(weighted).for_each(|(sum, entry)| *sum += entry * error);
             let (weighted_x, weighted_u) = weighted.split_at(nx);
-            for (r, &factor) in jacobian.iter().enumerate() {
+            // A tracked state or input has one factor that is not 0.
+            for (r, &factor) in jacobian.iter().enumerate().filter(|(_, factor)| **factor != 0.0) {
                 let add = |to: &mut [f64], from: &[f64]| {
                     to.iter_mut().zip(from).for_each(|(to, from)| *to += factor * from);
                 };

@@ -67,12 +67,12 @@ impl<V: Simd> Sensitivities<V> {
         Self { width, variables, states, blocks, stride, rows: spans, numbers, reach }
     }
 
-    /// Sets them to the identity, as for a step of no length.
+    /// Sets the first `columns` to the identity's, as for a step of no length.
     #[inline(always)]
-    pub(super) fn reset(&mut self, zero: V) {
-        let Self { width, variables, blocks, .. } = *self;
+    pub(super) fn reset(&mut self, columns: usize, zero: V) {
+        let Self { width, variables, .. } = *self;
         let one = zero.constant(1.0);
-        for block in 0..blocks {
+        for block in 0..columns.div_ceil(width) {
             let numbers = &mut self.numbers[block * variables * width..][..variables * width];
             numbers.fill(zero);
             for column in 0..width.min(variables - block * width) {

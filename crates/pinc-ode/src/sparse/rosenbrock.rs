@@ -217,7 +217,7 @@ impl<F: CurvedFunction, V: Simd> Stepper<V> for Rosenbrock<F, V> {
 
     #[inline(always)]
     fn linearize(&mut self, columns: usize) {
-        self.tangents.reset(self.zero);
+        self.tangents.reset(columns, self.zero);
         for _ in 0..self.substeps {
             self.substep(true);
             let Self { rhs, h, zero, elimination, k, entries, tangents, .. } = self;

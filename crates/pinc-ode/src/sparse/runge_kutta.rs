@@ -201,7 +201,7 @@ impl<F: SparseFunction, V: Simd> Stepper<V> for Explicit<F, V> {
             let (substeps, zero) = (*substeps, *zero);
             return small.run(Steps { rhs, stages, substeps, memory, zero });
         }
-        self.sensitivities.reset(self.zero);
+        self.sensitivities.reset(columns, self.zero);
         for number in 0..self.substeps {
             self.linearized_substep(number, columns);
         }

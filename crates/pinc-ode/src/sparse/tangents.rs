@@ -72,12 +72,13 @@ impl<V: Simd> Tangents<V> {
         }
     }
 
-    /// Sets them to the identity, as for a step of no length.
+    /// Sets the first `columns` to the identity's, as for a step of no length.
     #[inline(always)]
-    pub(super) fn reset(&mut self, zero: V) {
+    pub(super) fn reset(&mut self, columns: usize, zero: V) {
         let Self { width, variables, .. } = *self;
-        self.numbers.fill(zero);
-        for column in 0..variables {
+        let blocks = columns.div_ceil(width);
+        self.numbers[..blocks * variables * width].fill(zero);
+        for column in 0..variables.min(blocks * width) {
             let block = column / width;
             self.numbers[(block * variables + column) * width + column % width] =
                 zero.constant(1.0);
