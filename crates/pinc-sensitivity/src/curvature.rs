@@ -12,6 +12,9 @@ const STEP: f64 = 1e-4;
 /// The size of a state or an input is at least this part of its bound.
 const LEAST_SIZE: f64 = 0.1;
 
+/// The golden section, whose multiples spread evenly over the parts of 1.
+const GOLDEN: f64 = 0.618_033_988_749_895;
+
 /// The central difference: multiples of the step and their weights.
 const DIFFERENCE: [(f64, f64); 2] = [(1.0, 0.5), (-1.0, -0.5)];
 
@@ -139,6 +142,9 @@ impl Curvature {
                 *to = *step;
             }
             self.difference(family, evaluator, [&dx, &du, &[]], &mut column, false);
+            if k == 0 && all_zero(&column) && self.is_flat(family, evaluator) {
+                break;
+            }
             for (place, step) in steps.iter().enumerate() {
                 for i in 0..width {
                     let half = 0.5 * column[place * width + i] / step;
@@ -151,6 +157,28 @@ impl Curvature {
             evaluator.subtract_own(family, &self.p, &mut blocks);
         }
         blocks
+    }
+
+    /// Whether the gradients of a family are the same numbers along a direction that moves all states and
+    /// inputs by different amounts, as those of a plant that is linear in them.
+    fn is_flat(&self, family: &Family, evaluator: &mut Evaluator<'_, '_>) -> bool {
+        if family.function == Function::Cost {
+            return false;
+        }
+        let mut part = 0.0;
+        let mut direction = |at: &[f64], sizes: &[f64]| -> Vec<f64> {
+            let sizes = at.iter().zip(sizes.iter().cycle());
+            let moved = sizes.map(|(at, size)| {
+                part = (part + GOLDEN) % 1.0;
+                STEP * (1.0 + part) * at.abs().max(*size)
+            });
+            moved.collect()
+        };
+        let [of_x, of_u] = &self.sizes;
+        let (dx, du) = (direction(&family.x, of_x), direction(&family.u, of_u));
+        let mut change = vec![0.0; family.places.len() * (of_x.len() + of_u.len())];
+        self.difference(family, evaluator, [&dx, &du, &[]], &mut change, false);
+        all_zero(&change)
     }
 
     /// The difference of the gradients of a family, in (x, u) or in p, along a displacement of x,
@@ -302,6 +330,10 @@ impl Curvature {
             }
         }
     }
+}
+
+fn all_zero(numbers: &[f64]) -> bool {
+    numbers.iter().all(|number| number.abs() <= 0.0)
 }
 
 /// The size of a parameter, whose value says all that is known of it.

@@ -85,7 +85,8 @@ impl<V: Simd> Adjoint<V> {
                     let to = match column {
                         _ if column < n => &mut by_state[column],
                         _ if column < columns => &mut gradient[column],
-                        _ => continue,
+                        // Places ascend.
+                        _ => break,
                     };
                     *to = entry.mul_add(slope, *to);
                 }
