@@ -1,5 +1,7 @@
 //! Linear systems with a band of entries about the diagonal.
 
+use pinc_ad::simd::{Isa, Simd, Task};
+
 /// A matrix of which only a band may differ from zero, as d I - J, and its factors. A matrix without
 /// zeros is a band that is as wide as itself.
 ///
@@ -26,6 +28,8 @@ pub struct Banded {
     /// Row by row, from `below` columns before the diagonal on; exchanges of rows fill `below` more
     /// columns behind the columns of `above`.
     entries: Vec<f64>,
+    /// The factors below the diagonal, column by column: `[size, below]`.
+    factors: Vec<f64>,
     order: Vec<usize>,
 }
 
@@ -35,7 +39,7 @@ impl Banded {
     /// one point need not do so at the next.
     pub(crate) fn set_pattern(&mut self, jacobian: &[f64], size: usize) {
         if self.size != size {
-            *self = Self { size, order: vec![0; size], ..Self::default() };
+            *self = Self { size, ..Self::default() };
         }
         let columns = jacobian.len().checked_div(size).unwrap_or(0).max(1);
         for (i, row) in jacobian.chunks_exact(columns).enumerate() {
@@ -63,8 +67,6 @@ impl Banded {
     /// diagonal.
     pub fn clear(&mut self, size: usize, [below, above]: [usize; 2]) {
         (self.size, self.below, self.above) = (size, below, above);
-        self.order.clear();
-        self.order.resize(size, 0);
         self.clear_entries();
     }
 
@@ -72,6 +74,8 @@ impl Banded {
         let count = self.size * self.width();
         self.entries.clear();
         self.entries.resize(count, 0.0);
+        self.factors.resize(self.size * self.below, 0.0);
+        self.order.resize(self.size, 0);
     }
 
     /// Adds to an entry within the band.
@@ -100,7 +104,7 @@ impl Banded {
     /// Replaces the entries by the factors, with exchange of rows. Returns whether the matrix is
     /// regular and finite.
     pub fn factor(&mut self) -> bool {
-        (0..self.size).all(|k| self.eliminate(k))
+        Isa::detect().dispatch(Factor(self))
     }
 
     /// Returns the largest absolute reciprocal of the factors' pivots: infinite or large for a
@@ -111,7 +115,8 @@ impl Banded {
         pivots.fold(0.0, |most: f64, pivot| most.max(pivot.abs()))
     }
 
-    /// Column `k`; the pivot is replaced by its reciprocal, what is below by the factors.
+    /// Column `k`; the pivot is replaced by its reciprocal.
+    #[inline(always)]
     fn eliminate(&mut self, k: usize) -> bool {
         let (n, below, width) = (self.size, self.below, self.width());
         // Column j of row i is at i * width + j + below - i.
@@ -133,7 +138,7 @@ impl Banded {
         self.entries[place(k, k)] = inverse;
         for i in k + 1..end {
             let factor = self.entries[place(i, k)] * inverse;
-            self.entries[place(i, k)] = factor;
+            self.factors[k * below + i - k - 1] = factor;
             if factor != 0.0 {
                 let (upper, lower) = self.entries.split_at_mut(i * width);
                 let from = &upper[place(k, k + 1)..=place(k, last - 1).max(place(k, k))];
@@ -146,21 +151,56 @@ impl Banded {
 
     /// Solves with the factors: `b`, of length `size`, becomes the solution.
     pub fn solve(&self, b: &mut [f64]) {
-        let (n, below, width) = (self.size, self.below, self.width());
-        let place = |i: usize, j: usize| i * width + j + below - i;
-        for k in 0..n {
-            b.swap(k, self.order[k]);
-            for i in k + 1..n.min(k + below + 1) {
-                b[i] -= self.entries[place(i, k)] * b[k];
-            }
+        Isa::detect().dispatch(Solve(self, b));
+    }
+}
+
+/// [`Banded::factor`].
+struct Factor<'a>(&'a mut Banded);
+
+impl Task for Factor<'_> {
+    type Output = bool;
+
+    #[inline(always)]
+    fn run<V: Simd>(self, _: V) -> bool {
+        (0..self.0.size).all(|k| self.0.eliminate(k))
+    }
+}
+
+/// [`Banded::solve`].
+struct Solve<'a>(&'a Banded, &'a mut [f64]);
+
+impl Task for Solve<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<V: Simd>(self, _: V) {
+        let Self(Banded { size, below, above, entries, factors, order }, b) = self;
+        let (n, below, reach) = (*size, *below, above + below);
+        for (k, &pivot) in order.iter().enumerate() {
+            b.swap(k, pivot);
+            let (known, rest) = b[k..].split_at_mut(1);
+            let factors = &factors[k * below..(k + 1) * below];
+            rest.iter_mut().zip(factors).for_each(|(to, factor)| *to -= factor * known[0]);
         }
-        for i in (0..n).rev() {
-            for j in i + 1..n.min(i + self.above + below + 1) {
-                b[i] -= self.entries[place(i, j)] * b[j];
-            }
-            b[i] *= self.entries[place(i, i)];
+        for (i, row) in entries.chunks_exact(below + reach + 1).enumerate().rev() {
+            let (pivot, right) = (row[below], &row[below + 1..]);
+            let right = &right[..reach.min(n - 1 - i)];
+            b[i] = (b[i] - dot(right, &b[i + 1..])) * pivot;
         }
     }
+}
+
+/// The sum of the products, in eight parts that a vector can have side by side.
+#[inline(always)]
+fn dot(a: &[f64], b: &[f64]) -> f64 {
+    let ((a, a_rest), (b, b_rest)) = (a.as_chunks::<8>(), b[..a.len()].as_chunks::<8>());
+    let mut sums = [0.0; 8];
+    for (a, b) in a.iter().zip(b) {
+        (0..8).for_each(|lane| sums[lane] += a[lane] * b[lane]);
+    }
+    let rest: f64 = a_rest.iter().zip(b_rest).map(|(a, b)| a * b).sum();
+    sums.iter().sum::<f64>() + rest
 }
 
 #[cfg(test)]
