@@ -408,7 +408,7 @@ fn yes() -> bool {
     true
 }
 
-fn integer_programs() -> usize {
+pub(crate) fn integer_programs() -> usize {
     200
 }
 

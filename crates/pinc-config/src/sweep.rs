@@ -116,6 +116,11 @@ impl SweepSpec {
         for (i, draws) in self.draws.iter().enumerate() {
             let here = format!("sweep.draws[{i}]");
             at_least_one(&format!("{here}.count"), draws.count)?;
+            if draws.seeded && !self.seeds.is_empty() {
+                let expected =
+                    "false with sweep.seeds: each draw would replace them by its own seed";
+                return value(&format!("{here}.seeded"), true, expected);
+            }
             for (j, range) in draws.ranges.iter().enumerate() {
                 may_be_swept(&format!("{here}.ranges[{j}].key"), &range.key)?;
                 ordered(&format!("{here}.ranges[{j}].low"), range.low, range.high)?;

@@ -209,7 +209,7 @@ fn budget_note(controller: &Controller<'_>) -> Option<String> {
 
 /// A plant by its equations as the content of an FMU, integrated accurately: what a controller can
 /// be tried on. Its variables are as in [`net_to_fmu`], with the plant's outputs that are no states
-/// as outputs; it starts in `initial_state`. It serves for model exchange too, with the derivatives
+/// as outputs; it starts with this state and input. It serves for model exchange too, with the derivatives
 /// `der(<state>)` as local variables.
 ///
 /// # Errors
@@ -217,7 +217,7 @@ fn budget_note(controller: &Controller<'_>) -> Option<String> {
 /// [`ExportError::Equations`] if the equations are none.
 pub fn plant_to_fmu(
     plant: RungeKuttaModel<'_>,
-    initial_state: &[f64],
+    [initial_state, initial_input]: [&[f64]; 2],
     name: &Name,
     origin: &Origin,
     version: FmiVersion,
@@ -231,7 +231,7 @@ pub fn plant_to_fmu(
     let first_derivative = variables.len();
     variables.extend(derivatives(states));
     let first_input = variables.len();
-    variables.extend(list(inputs, "", Role::Input, &vec![0.0; inputs.len()]));
+    variables.extend(list(inputs, "", Role::Input, initial_input));
     variables.extend(list(states, "_start", Role::Start, initial_state));
     let mut t = Template::new(name);
     t.set("BANNER", origin.banner("A plant, integrated.", None));

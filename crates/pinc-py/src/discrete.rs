@@ -183,7 +183,11 @@ impl Discrete {
         if Points::read(x, "x", &self.states)?.rows.is_some() {
             return Err(input("x: rows given, expected one state, where the run begins"));
         }
-        let mut states = at.x[..nx.min(at.x.len())].to_vec();
+        // Without inputs the run is where it begins, of which `at` has no point.
+        let mut states = match at.x.get(..nx) {
+            Some(x) => x.to_vec(),
+            None => Points::read(x, "x", &self.states)?.values,
+        };
         states.resize((at.count + 1) * nx, 0.0);
         py.detach(|| {
             let mut model = self.lock();

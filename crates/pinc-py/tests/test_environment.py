@@ -58,6 +58,20 @@ def test_the_environment_follows_the_rules_of_gymnasium(smoke: Path) -> None:
     )
 
 
+def test_what_an_environment_does_not_have_is_refused(smoke: Path) -> None:
+    for key, value in (
+        ("delay_steps", 2),
+        ("loads", [{"start_s": 0.0, "rates": {"x1": 0.1}}]),
+        ("plant_schedule", [{"start_s": 0.0, "values": {"mu": 1.5}}]),
+    ):
+        with pytest.raises(pinc.InputError, match=f"control.{key}: given"):
+            LoopEnv(smoke, {f"control.{key}": value})
+    with pytest.raises(pinc.InputError, match="action: shape .2,. given, expected .1,."):
+        env = LoopEnv(smoke)
+        env.reset()
+        env.step(np.array([0.1, 0.2]))
+
+
 def test_a_controller_is_a_policy_of_the_environment(smoke: Path) -> None:
     env, controller = LoopEnv(smoke), pinc.Nmpc(smoke, only="rk4")
     policy = NmpcPolicy(pinc.Nmpc(smoke, only="rk4"))

@@ -42,6 +42,8 @@ def test_a_traced_function_is_the_equation() -> None:
     ("function", "message"),
     [
         (lambda x, u: [x[0] if x[0] > 0 else u[0], 0], "np.greater given"),
+        (lambda x, u: [x[0] if x[0] else u[0], 0], "given as a condition"),
+        (lambda x, u: [x[0] and u[0], 0], "given as a condition"),
         (lambda x, u: [np.floor(x[0]), 0], "np.floor given"),
         (lambda x, u: [np.maximum(x, 0).sum(), 0], "np.greater_equal given.*one by one"),
         (lambda x, u: [x[0]], "derivatives: 1 given, expected 2, one per state: a, b"),

@@ -50,6 +50,11 @@ impl BatchController {
             );
             return Err(RunError::usage(format!("`{command}`"), problem));
         }
+        if chosen.refuses_outside() {
+            let problem = "a batch does not look where its net is used, but the config has \
+                           `control.outside_domain = \"refuse\"`";
+            return Err(RunError::usage(format!("`{command}`"), problem));
+        }
         let make = || setup.judged_controller(chosen.kind, &*chosen.plant).map(|(nmpc, _)| nmpc);
         let batch = NmpcBatch::new(threads, make)?;
         Ok(Self {

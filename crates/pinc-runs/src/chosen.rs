@@ -2,7 +2,7 @@
 
 use super::{LoopSetup, Schedules, matching_model, proof};
 use crate::RunError;
-use pinc_config::{ControlSpec, Experiment, LoopParameters, ModelKind};
+use pinc_config::{ControlSpec, Experiment, LoopParameters, ModelKind, OutsidePolicy};
 use pinc_mpc::Scenarios;
 use pinc_net::PincNet;
 use pinc_ode::DynPlant;
@@ -140,6 +140,11 @@ impl<'e> Chosen<'e> {
     /// The net, where that is the model.
     pub(super) fn net(&self) -> Option<&PincNet> {
         self.given.as_ref().map(|(_, net)| net)
+    }
+
+    /// Whether the net, where it is the model, is not to be used outside the box of its training.
+    pub(super) fn refuses_outside(&self) -> bool {
+        self.given.is_some() && self.spec.outside_domain == OutsidePolicy::Refuse
     }
 
     /// The names of the model's parameters.

@@ -1,6 +1,7 @@
 //! CSV files that users give: their columns by name, their cells as numbers.
 
 use csv::StringRecord;
+use pinc_config::csv_line;
 
 /// Something wrong, and the line it is in.
 pub(super) type At = (u64, String);
@@ -11,17 +12,14 @@ pub(super) type Row = Result<(u64, StringRecord), At>;
 /// The header of a CSV text, and its rows with their lines.
 pub(super) fn rows(text: &[u8]) -> Result<(StringRecord, impl Iterator<Item = Row>), At> {
     let mut reader = csv::ReaderBuilder::new().trim(csv::Trim::All).from_reader(text);
+    let syntax =
+        |error: csv::Error| (csv_line(text, error.position()), format!("not a CSV file: {error}"));
     let header = reader.headers().map_err(syntax)?.clone();
-    let rows = reader.into_records().map(|row| {
+    let rows = reader.into_records().map(move |row| {
         let row = row.map_err(syntax)?;
-        Ok((row.position().map_or(0, csv::Position::line), row))
+        Ok((csv_line(text, row.position()), row))
     });
     Ok((header, rows))
-}
-
-fn syntax(error: csv::Error) -> At {
-    let line = error.position().map_or(1, csv::Position::line);
-    (line, format!("not a CSV file: {error}"))
 }
 
 /// Where each of `names` stands in a header, which has to have these and no others, each once.

@@ -2,7 +2,7 @@
 
 use super::chosen::{Chosen, ModelFile};
 use super::model_error::tolerances;
-use super::proof::certificate;
+use super::proof::{certificate, matching};
 use super::shared_library::shared_libraries;
 use super::{chainable, parse_model, read_matching_model};
 use crate::RunError;
@@ -164,6 +164,11 @@ pub fn export_controller_with(
         ("control.target", without, spec.target),
         ("control.cost", "q and r alone, or `pinc serve`", spec.cost.is_some()),
         ("control.bound_schedule", constant, !spec.bound_schedule.is_empty()),
+        (
+            "control.outside_domain = \"refuse\"",
+            "\"report\", or `pinc serve`",
+            chosen.refuses_outside(),
+        ),
     ]
     .into_iter()
     .chain(unexported(spec))
@@ -202,7 +207,9 @@ pub fn export_controller_with(
     let judged = chosen.net().is_some() && !spec.error_tolerance.is_empty();
     let mut content = experiment.to_toml().into_bytes();
     content.extend(chosen.given.iter().flat_map(|(bytes, _)| bytes));
-    let origin = Origin { proven: chosen.net().and_then(proven), ..origin(&content, &*plant) };
+    let proven = chosen.net().and_then(|net| matching(experiment, net).ok());
+    let proven = proven.map(|of| of.to_string());
+    let origin = Origin { proven, ..origin(&content, &*plant) };
     let controller = Controller {
         problem: &NmpcProblem {
             parameters: estimating.as_ref().map_or_else(Vec::new, |of| of.unknowns.clone()),
@@ -339,6 +346,17 @@ pub fn export_plant(
         let problem = format!("`--to {}` takes no plant; `--plant` needs `--to fmu`", to.name());
         return Err(RunError::usage("export", problem));
     };
+    for (key, is_there) in [
+        ("control.delay_steps", control.delay_steps > 0),
+        ("control.loads", !control.loads.is_empty()),
+        ("control.plant_schedule", !control.plant_schedule.is_empty()),
+    ] {
+        if is_there {
+            let problem =
+                format!("the FMU of a plant has its equations alone; use a config without {key}");
+            return Err(RunError::usage(&experiment.name, problem));
+        }
+    }
     let unknown = || RunError::not_exportable(spec.name(), ModelKind::RK4);
     let equations = spec.equations().ok_or_else(unknown)?;
     let name = name.map_or_else(|| Ok(Name::nearest(&experiment.name)), Name::new)?;
@@ -350,7 +368,9 @@ pub fn export_plant(
         sample_time_s,
         substeps: control.rk4_substeps,
     };
-    let start = &control.initial_state;
+    let at_rest = vec![0.0; origin.inputs.len()];
+    let input = control.initial_input.as_ref().unwrap_or(&at_rest);
+    let start = [&control.initial_state[..], input];
     let content = pinc_export::plant_to_fmu(plant, start, &name, &origin, version)?;
     write(&[fmu(content, &name, version)?], to, &name, out)
 }

@@ -180,22 +180,23 @@ pub(crate) fn certified(mut net: PincNet, certificate: &Certificate) -> PincNet 
     net
 }
 
-/// The certificate of a net, if it has one that can be read.
+/// The certificate of a net, if it has one that can be read and is of this net.
 #[must_use]
 pub fn certificate(net: &PincNet) -> Option<Certificate> {
-    serde_json::from_str(net.certificate.as_deref()?).ok()
+    let found: Certificate = serde_json::from_str(net.certificate.as_deref()?).ok()?;
+    (found.net == hash_of(net)).then_some(found)
 }
 
 /// The certificate of `net`, which must be of this net, of its domain and of the experiment's
 /// equation; why there is none otherwise.
 pub(crate) fn matching(experiment: &Experiment, net: &PincNet) -> Result<Certificate, String> {
-    let found = certificate(net).ok_or_else(|| {
-        "the net has no certificate; training.proven_tolerance makes one".to_owned()
+    let found = certificate(net).ok_or_else(|| match &net.certificate {
+        None => "the net has no certificate; training.proven_tolerance makes one".to_owned(),
+        Some(_) => "the certificate is of another net".to_owned(),
     })?;
     let domain: BTreeMap<String, [f64; 2]> =
         variables(net).into_iter().zip(ends(net.domain())).collect();
     for (what, same) in [
-        ("net", found.net == hash_of(net)),
         ("equation", equation(experiment, net).as_ref() == Some(&found.equation)),
         ("domain", found.domain == domain),
     ] {

@@ -96,11 +96,20 @@ impl File {
 /// The rows of a file with their lines.
 type Rows = Vec<(u64, Vec<f64>)>;
 
+/// The line of a row in a CSV text: the reader may count the end of the line before to the row.
+#[must_use]
+pub fn csv_line(text: &[u8], position: Option<&csv::Position>) -> u64 {
+    let Some(position) = position else { return 1 };
+    let from = usize::try_from(position.byte()).map_or(&[][..], |at| text.get(at..).unwrap_or(&[]));
+    let ends = from.iter().take_while(|byte| matches!(byte, b'\r' | b'\n'));
+    position.line() + ends.filter(|byte| **byte == b'\n').count() as u64
+}
+
 /// The header and the rows of numbers of a CSV text; or the line and what is there.
 fn rows(text: &[u8]) -> Result<(Vec<String>, Rows), (u64, String)> {
     let mut reader = csv::ReaderBuilder::new().trim(csv::Trim::All).from_reader(text);
     let syntax = |error: &csv::Error| {
-        let line = error.position().map_or(1, csv::Position::line);
+        let line = csv_line(text, error.position());
         (line, error.to_string())
     };
     let header = reader.headers().map_err(|error| syntax(&error))?;
@@ -111,7 +120,7 @@ fn rows(text: &[u8]) -> Result<(Vec<String>, Rows), (u64, String)> {
     let mut rows = Vec::new();
     for row in reader.records() {
         let row = row.map_err(|error| syntax(&error))?;
-        let line = row.position().map_or(0, csv::Position::line);
+        let line = csv_line(text, row.position());
         let number = |(cell, column): (&str, &String)| match cell.parse::<f64>() {
             Ok(number) if number.is_finite() => Ok(number),
             _ => Err((line, format!("`{cell}` in the column `{column}`"))),
@@ -123,4 +132,19 @@ fn rows(text: &[u8]) -> Result<(Vec<String>, Rows), (u64, String)> {
         }
     }
     Ok((header, rows))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::rows;
+
+    #[test]
+    fn rows_know_their_lines_whatever_ends_them() {
+        for end in ["\n", "\r\n"] {
+            let text = ["t,x", "0,1", "", "1,2", "2,abc", ""].join(end);
+            assert_eq!(rows(text.as_bytes()).unwrap_err().0, 5, "{end:?}");
+            let lines = rows(text.replace("abc", "3").as_bytes()).unwrap().1;
+            assert_eq!(lines.iter().map(|(line, _)| *line).collect::<Vec<_>>(), [2, 4, 5]);
+        }
+    }
 }

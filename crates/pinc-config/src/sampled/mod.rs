@@ -12,6 +12,8 @@
 
 mod file;
 
+pub use file::csv_line;
+
 use crate::problem::{Problem, nearest};
 use crate::validate::rounded;
 use file::File;

@@ -154,7 +154,18 @@ fn controlled(spec: &ControlSpec, variables: &Variables) -> Checked {
 fn first_plan(spec: &ControlSpec, inputs: usize) -> Checked {
     match spec.first_plan.as_ref().map(|plan| (&plan.input, &plan.file)) {
         None | Some((None, Some(_))) => Ok(()),
-        Some((Some(input), None)) => length("control.first_plan.input", input, inputs, "input"),
+        Some((Some(input), None)) => {
+            const KEY: &str = "control.first_plan.input";
+            length(KEY, input, inputs, "input")?;
+            let bounds = spec.input_low.iter().zip(&spec.input_high);
+            for (i, (u, (low, high))) in input.iter().zip(bounds).enumerate() {
+                if !(low..=high).contains(&u) {
+                    let expected = format!("from input_low = {low} to input_high = {high}");
+                    return value(&format!("{KEY}[{i}]"), u, &expected);
+                }
+            }
+            Ok(())
+        }
         Some((Some(_), Some(_)) | (None, None)) => {
             value("control.first_plan", "both or neither", "one of `input` and `file`")
         }

@@ -54,6 +54,12 @@ class Symbol(NDArrayOperatorsMixin):
             return ufunc(*(np.asarray(one, dtype=object) for one in given))
         return Symbol(form, tuple(_symbol(one) for one in given))
 
+    def __bool__(self) -> bool:
+        raise InputError(
+            "a quantity given as a condition in a function that is traced, expected none: `if`, `and`, "
+            "`or` and `not` see no values; branches are written with minimum and maximum"
+        )
+
     def __getattr__(self, name: str) -> Any:
         """The method that NumPy looks for in arrays of symbols."""
         form = _FORMS.get(name, "")

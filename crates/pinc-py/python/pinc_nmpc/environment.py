@@ -59,6 +59,9 @@ class LoopEnv(gymnasium.Env[_Array, _Array]):
             raise InputError("the config has no section [control], which an environment needs")
         if "cost" in control:
             raise InputError("control.cost: an environment has the costs q and r")
+        for key in ("delay_steps", "loads", "plant_schedule"):
+            if control.get(key):
+                raise InputError(f"control.{key}: given, but an environment's plant has none")
         self._q, self._r = np.array(control["q"]), np.array(control["r"])
         names = self._plant.states
         missing = [name for name in control["controlled"] if name not in names]
@@ -98,7 +101,10 @@ class LoopEnv(gymnasium.Env[_Array, _Array]):
         """Moves the plant on by T under the input ``action``."""
         box = self.action_space
         assert isinstance(box, gymnasium.spaces.Box)
-        u = np.clip(np.asarray(action, dtype=np.float64), box.low, box.high)
+        u = np.asarray(action, dtype=np.float64)
+        if u.shape != box.shape:
+            raise InputError(f"action: shape {u.shape} given, expected {box.shape}, one per input")
+        u = np.clip(u, box.low, box.high)
         reference = self._reference()
         self._x = self._plant.simulate(self._x, u, self._step_s)[1]
         error = self._x[self._places] - reference

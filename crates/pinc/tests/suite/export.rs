@@ -299,4 +299,15 @@ fn all_targets_are_written() {
     }
     export(&["onnx", config, "--only", "rk4"]).assert_refused(&["--to onnx", "takes a net"]);
     export(&["casadi", config, "--plant"]).assert_refused(&["--to casadi", "takes no plant"]);
+    for set in [
+        "control.delay_steps=2",
+        "control.loads=[{ start_s = 0.0, rates = { x1 = 0.1 } }]",
+        "control.plant_schedule=[{ start_s = 0.0, values = { mu = 1.5 } }]",
+    ] {
+        let key = set.split('=').next().unwrap();
+        export(&["fmu", config, "--plant", "--set", set]).assert_refused(&[key, "FMU of a plant"]);
+    }
+    let outside = "control.outside_domain=refuse";
+    let arguments = ["c", config, "--only", "pinc", "--model", model, "--set", outside];
+    export(&arguments).assert_refused(&["control.outside_domain", "`pinc serve`"]);
 }

@@ -296,8 +296,19 @@ fn a_proven_net_carries_its_certificate() {
         .assert_refused(&["control.uncertainty.net_error", "another net"]);
     verify("changed.safetensors", &["--quiet"])
         .assert_refused(&["changed.safetensors", "another net"]);
-    verify(model, &["--quiet", "--set", "plant.van-der-pol.mu=1.01"])
-        .assert_refused(&["another equation"]);
+    let other = ["--quiet", "--set", "plant.van-der-pol.mu=1.01"];
+    verify(model, &other).assert_refused(&["another equation"]);
+    // Neither says anything of a certificate that is not its own.
+    let header = |arguments: &[&str], file: &str| {
+        let export = [&["export", "--to", "c", "--name", "it", "--out", "it"], arguments].concat();
+        assert_eq!(outcome(pinc(&export).current_dir(dir.path())).code, Some(0));
+        fs::read_to_string(dir.path().join("it").join(file)).unwrap()
+    };
+    assert!(!header(&["--model", "changed.safetensors"], "it_net.h").contains("Certificate"));
+    let controller = ["experiment.toml", "--only", "pinc", "--model", model];
+    assert!(header(&controller, "it_mpc.h").contains("Certificate"));
+    let controller = [&controller[..], &other[1..]].concat();
+    assert!(!header(&controller, "it_mpc.h").contains("Certificate"));
     let text = String::from_utf8_lossy(&bytes[8..]).into_owned();
     let bound = format!("{}", certificate.proven["x1"]);
     let start = 8 + text.find(&bound).expect("the bound is in the header");
