@@ -270,9 +270,9 @@ class Slave:
         get = self.fmu.getReal if self.is_two else self.fmu.getFloat64
         return get(self.references(name)[:count])
 
-    def status(self):
+    def status(self, name="status"):
         get = self.fmu.getInteger if self.is_two else self.fmu.getInt64
-        return get([self.vr["status"]])[0]
+        return get([self.vr[name]])[0]
 
     def close(self):
         self.fmu.terminate()
@@ -462,6 +462,14 @@ def check_other_importer():
 WHOLE_LOOPS = {
     "hover": ("tests/exports/hover.toml", []),
     "hover, delayed": ("tests/exports/hover.toml", ["control.delay_steps=2"]),
+    # The first plan does not keep the bound on the tip and its distance, the others do.
+    "hover, in a tube": (
+        "tests/exports/hover.toml",
+        [
+            "control.uncertainty={ probability = 0.95, process_sd = [0.05, 0.01, 0.01, 0.01] }",
+            "control.initial_state=[1.35, 0.5, 0.2, 0.0]",
+        ],
+    ),
 }
 # All shipped configs whose controllers C can be made of.
 with open(TOP / "docs/tables/ways-out/configs.csv", newline="") as file:
@@ -506,7 +514,7 @@ def whole_loop(slave, out):
         name, measured = "x", numbers(trace, *columns[1 : 1 + nx])[: POINTS * steps : POINTS]
     delay, step_s = spec.get("delay_steps", 0), float(trace["t"][POINTS])
     slave.begin()
-    worst = 0.0
+    worst, without_room = 0.0, 0
     for k, status in enumerate(statuses):
         slave.set(name, measured[k])
         slave.set("reference", references[k])
@@ -516,7 +524,13 @@ def whole_loop(slave, out):
         if (slave.status() == 0) != (status == "converged"):
             print(f"step {k}: status {slave.status()}, of `pinc control` {status}")
             worst = np.inf
+        if "tube" in slave.vr:
+            without_room += slave.status("tube") == 0
         slave.fmu.doStep(k * step_s, step_s)
+    tube = json.loads((out / "metrics.json").read_text())["control"][0].get("tube")
+    if tube is not None and tube["without_room"] != without_room:
+        print(f"{without_room} plans do not fit, of `pinc control` {tube['without_room']}")
+        worst = np.inf
     slave.close()
     return worst
 

@@ -75,7 +75,8 @@ pub fn net_to_fmu(
 /// references `<controlled>_ref`, held over the horizon; its outputs the inputs of the plant and the
 /// `status`; parameters `<input>_start` are the inputs before the first sample. With an estimator its
 /// inputs are what is measured, in place of the states, and the estimated states are outputs,
-/// `<state>_estimate`, with the `estimator_status`. With a guard the output `trust` says what it found.
+/// `<state>_estimate`, with the `estimator_status`. With a guard the output `trust` says what it found,
+/// with a tube the output `tube` whether the plan fits.
 ///
 /// It is sampled every T. At a sample its outputs depend on what is set at that time, so that the
 /// input acts at once; a communication step must not go beyond the next sample.
@@ -112,13 +113,21 @@ pub fn controller_to_fmu(
             ("feedback", nx, measured.len(), "feedback_reset_to")
         }
     };
-    let mut trust = String::new();
-    if controller.guard.is_some() {
-        let of = if controller.estimator.is_some() { "controller." } else { "" };
-        trust = format!("    s->status[{}] = (int)s->after.{of}trust;\n", statuses.len());
-        statuses.push(Status { name: "trust", words: word("trust") });
+    let in_tube = [("does-not-fit", "0"), ("fits", "1")];
+    let in_tube = in_tube.map(|(word, number)| (word.to_owned(), number.to_owned()));
+    let of = if controller.estimator.is_some() { "controller." } else { "" };
+    let mut judgements = String::new();
+    for (name, field, words, is_there) in [
+        ("trust", "trust", word("trust"), controller.guard.is_some()),
+        ("tube", "fits", in_tube.to_vec(), controller.tube.is_some()),
+    ] {
+        if is_there {
+            let place = statuses.len();
+            judgements += &format!("    s->status[{place}] = (int)s->after.{of}{field};\n");
+            statuses.push(Status { name, words });
+        }
     }
-    t.set("TRUST", trust);
+    t.set("JUDGEMENTS", judgements);
     let tracked = named(controller.tracked(dims)?);
     variables.extend(list(&tracked, "_ref", Role::Input, controller.reference.at(0)));
     let first = controller.first_input(dims);

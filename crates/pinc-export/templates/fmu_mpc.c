@@ -99,7 +99,7 @@ static void pinc_refresh(pinc_slave *s)
     if (tuned == 0) {
         s->status[0] = (int)PINC_BAD_ARGUMENT;
     }
-@TRUST@    s->computed = 1;
+@JUDGEMENTS@    s->computed = 1;
 }
 
 /* Whether it is time for a sample. */
