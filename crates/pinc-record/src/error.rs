@@ -38,7 +38,7 @@ pub enum RecordError {
     },
     /// The directory holds something else than a run.
     #[error(
-        "{}: holds files, but no config.toml of a run; choose another directory with --out",
+        "{}: holds files, but no config.toml of a run; choose another directory",
         dir.display()
     )]
     NoRunDirectory {
