@@ -149,7 +149,7 @@ def main():
             if missed and solver == "pinc":
                 print("   not solved:", *missed)
     with open(out, "w", newline="") as file:
-        writer = csv.writer(file)
+        writer = csv.writer(file, lineterminator="\n")
         head = ["solver", "accuracy", "solved", "largest residual", "median (us)", "mean (s)"]
         writer.writerows([head, *rows])
 
