@@ -1,4 +1,4 @@
-"""PINC and do-mpc on three of do-mpc's examples, each in the example's own simulator.
+"""PINC and do-mpc on two of do-mpc's examples, each in the example's own simulator.
 
 usage: python run.py do-mpc/examples [EXAMPLE...] [--out TABLE.csv]
 
@@ -30,29 +30,15 @@ CONFIGS = pathlib.Path(__file__).resolve().parents[3] / "configs"
 class Example:
     """A config with its changes, the units of do-mpc's inputs in PINC's, steps and the cost of a state."""
 
-    def __init__(self, config, steps, cost, units=(1.0,), changes=None, added=None):
+    def __init__(self, config, steps, cost, units=(1.0,), changes=None):
         self.config, self.steps, self.cost = CONFIGS / config, steps, cost
-        self.units, self.changes, self.added = np.array(units), changes or {}, added
+        self.units, self.changes = np.array(units), changes or {}
 
 
-def adiabatic(x):
-    """The tenth state of industrial_poly follows from the others."""
-    return [x[1] * 950.0 / (x[:3].sum() * 5.0) + x[3]]
-
-
-STIFF = {"control.models": ["rosenbrock"], "control.rosenbrock_substeps": 1}
-POLY_SCENARIOS = {
-    "values": {"delta_H": [950.0, 1235.0, 665.0], "k_0": [7.0, 9.1, 4.9]},
-    "robust_horizon": 1,
-}
 EXAMPLES = {
     "CSTR": Example("robust/reactor.toml", 50, lambda x: (x[1] - 0.6) ** 2, (1.0, 1e-3)),
     "batch_reactor": Example(
         "gallery/batch-reactor.toml", 150, lambda x: -x[2], changes={"plant.expression.parameters.Yx": 0.5}
-    ),
-    "industrial_poly": Example(
-        "gallery/polymerization.toml", 72, lambda x: -x[2], (1.0, 1.0, 1.0),
-        {"control.r": [2e-7, 0.004, 0.002], "control.scenarios": POLY_SCENARIOS, **STIFF}, adiabatic,
     ),
 }
 
@@ -78,12 +64,9 @@ def judged(folder, example):
     mpc = part(folder, "template_mpc")(model, silence_solver=True)
     ours = pinc.Nmpc(example.config, overrides=example.changes)
     control = tomllib.loads(example.config.read_text())["control"]
-    scenarios = example.changes.get("control.scenarios") or control.get("scenarios", {"values": {}})
+    scenarios = control.get("scenarios", {"values": {}})
     width = np.subtract(control["input_high"], control["input_low"])
     start = np.array(control["initial_state"])
-    known = len(start)
-    if example.added:
-        start = np.append(start, example.added(start))
 
     def loop(choose):
         simulator = part(folder, "template_simulator")(model)
@@ -100,13 +83,13 @@ def judged(folder, example):
         u = timed(lambda: mpc.make_step(x.reshape(-1, 1)), its).ravel()
         failed[0] += not mpc.solver_stats["success"]
         before = {} if len(its) == 1 else {"u_applied": of_dompc.before}
-        step = ours.step(x[:known], **before)
+        step = ours.step(x, **before)
         of_dompc.before = u * example.units
         differences.append(float(np.max(np.abs(step.u - of_dompc.before) / width)))
         return u
 
     def of_ours(x):
-        step = timed(lambda: ours.step(x[:known]), own)
+        step = timed(lambda: ours.step(x), own)
         failed[1] += step.status != "converged"
         return step.u / example.units
 
@@ -120,7 +103,7 @@ def judged(folder, example):
     print(f"{failed[0]} and {failed[1]} of {example.steps} steps did not converge", flush=True)
     return {
         "example": folder.name,
-        "states": known,
+        "states": len(start),
         "scenarios": math.prod(len(of) for of in scenarios["values"].values()),
         "horizon": control["n2"],
         "inputs differ by (median)": f"{statistics.median(differences):.1e}",
