@@ -44,6 +44,8 @@ impl ActiveSet {
             }
             let before = std::mem::replace(&mut slope, self.move_center(qp));
             let gap = slope * self.x.iter().map(|x| x.abs()).sum::<f64>();
+            // Large multipliers leave more of a slope by rounding.
+            let small = small.max(f64::EPSILON * largest(self.multipliers()));
             if slope <= small && (gap <= GAP || slope >= LOWERED * before) {
                 return DenseStatus::Solved;
             }

@@ -65,6 +65,26 @@ fn solutions_far_from_0_of_programs_with_a_singular_hessian_have_no_duality_gap(
     assert!(gap.abs() < 1e-9, "{gap:e}");
 }
 
+/// Two rows that nearly coincide fix the cost, with multipliers of 1e7 whose rounding tilts it.
+#[test]
+fn a_constant_cost_ends_where_rounding_of_large_multipliers_tilts_it() {
+    let (n, near) = (6, 1e-7);
+    let number = |i: usize| f64::from(u32::try_from(i * 7919 % 1009).unwrap()) / 1009.0;
+    let mut qp = DenseQp::new(n, 2);
+    for i in 0..n {
+        qp.gradient[i] = number(3 * i + 50) - 0.5;
+        qp.matrix[2 * i] = number(i + 1);
+        qp.matrix[2 * i + 1] = number(i + 1) + near * qp.gradient[i];
+    }
+    for side in [&mut qp.low, &mut qp.high] {
+        side[n..].copy_from_slice(&[1.0, 1.0 + near]);
+    }
+    let mut solver = ActiveSet::new(n, 2);
+    assert_eq!(solver.solve(&qp, &mut || false), DenseStatus::Solved);
+    let cost: f64 = solver.x().iter().zip(&qp.gradient).map(|(x, g)| x * g).sum();
+    assert!((cost - 1.0).abs() < 1e-6, "{cost}");
+}
+
 /// A program with H = M'M + I/10 and a point in the middle of the rows' bounds.
 fn programs(number: BoxedStrategy<f64>) -> impl Strategy<Value = DenseQp> {
     (1..=8_usize, 0..=12_usize).prop_flat_map(move |(n, rows)| {

@@ -1,0 +1,136 @@
+"""PINC and do-mpc on two of do-mpc's examples, each in the example's own simulator.
+
+usage: python run.py do-mpc/examples [EXAMPLE...] [--out TABLE.csv]
+
+Needs the packages pinc-nmpc and do-mpc, and the examples of https://github.com/do-mpc/do-mpc, whose
+model, controller and simulator are taken as they are. PINC solves the problem of a config of this
+repository with the weights and parameters of the example below; do-mpc weights moves of scaled inputs.
+
+The differences of inputs are along do-mpc's loop: PINC is given the state and the last input, and its
+input is compared with do-mpc's, in widths of the bounds. The cost of a loop is what the example minimizes,
+without the moves, summed over the loop of each controller. Times are medians of CPU times.
+"""
+
+import argparse
+import csv
+import importlib.util
+import math
+import pathlib
+import statistics
+import time
+import tomllib
+
+import numpy as np
+
+import pinc_nmpc as pinc
+
+CONFIGS = pathlib.Path(__file__).resolve().parents[3] / "configs"
+
+
+class Example:
+    """A config with its changes, the units of do-mpc's inputs in PINC's, steps and the cost of a state."""
+
+    def __init__(self, config, steps, cost, units=(1.0,), changes=None):
+        self.config, self.steps, self.cost = CONFIGS / config, steps, cost
+        self.units, self.changes = np.array(units), changes or {}
+
+
+EXAMPLES = {
+    "CSTR": Example("robust/reactor.toml", 50, lambda x: (x[1] - 0.6) ** 2, (1.0, 1e-3)),
+    "batch_reactor": Example(
+        "gallery/batch-reactor.toml", 150, lambda x: -x[2], changes={"plant.expression.parameters.Yx": 0.5}
+    ),
+}
+
+
+def part(folder, name):
+    """A function of a file of an example that has its name."""
+    spec = importlib.util.spec_from_file_location(name, folder / f"{name}.py")
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return getattr(module, name)
+
+
+def timed(call, times):
+    begun = time.process_time()
+    result = call()
+    times.append(time.process_time() - begun)
+    return result
+
+
+def judged(folder, example):
+    """The row of the table."""
+    model = part(folder, "template_model")()
+    mpc = part(folder, "template_mpc")(model, silence_solver=True)
+    ours = pinc.Nmpc(example.config, overrides=example.changes)
+    control = tomllib.loads(example.config.read_text())["control"]
+    scenarios = control.get("scenarios", {"values": {}})
+    width = np.subtract(control["input_high"], control["input_low"])
+    start = np.array(control["initial_state"])
+
+    def loop(choose):
+        simulator = part(folder, "template_simulator")(model)
+        x, cost = start, 0.0
+        simulator.x0 = x
+        for _ in range(example.steps):
+            x = simulator.make_step(choose(x).reshape(-1, 1)).ravel()
+            cost += example.cost(x)
+        return cost
+
+    its, own, differences, failed = [], [], [], [0, 0]
+
+    def of_dompc(x):
+        u = timed(lambda: mpc.make_step(x.reshape(-1, 1)), its).ravel()
+        failed[0] += not mpc.solver_stats["success"]
+        before = {} if len(its) == 1 else {"u_applied": of_dompc.before}
+        step = ours.step(x, **before)
+        of_dompc.before = u * example.units
+        differences.append(float(np.max(np.abs(step.u - of_dompc.before) / width)))
+        return u
+
+    def of_ours(x):
+        step = timed(lambda: ours.step(x), own)
+        failed[1] += step.status != "converged"
+        return step.u / example.units
+
+    mpc.x0 = start
+    mpc.u0 = np.array(control.get("initial_input", [0.0] * len(width))) / example.units
+    mpc.set_initial_guess()
+    costs = [loop(of_dompc)]
+    ours.reset()
+    costs.append(loop(of_ours))
+    times = [statistics.median(values) for values in (its, own)]
+    print(f"{failed[0]} and {failed[1]} of {example.steps} steps did not converge", flush=True)
+    return {
+        "example": folder.name,
+        "states": len(start),
+        "scenarios": math.prod(len(of) for of in scenarios["values"].values()),
+        "horizon": control["n2"],
+        "inputs differ by (median)": f"{statistics.median(differences):.1e}",
+        "at most": f"{max(differences):.1e}",
+        "do-mpc's cost": f"{costs[0]:.6g}",
+        "PINC's cost": f"{costs[1]:.6g}",
+        "do-mpc's step (ms)": f"{1e3 * times[0]:.1f}",
+        "PINC's step (ms)": f"{1e3 * times[1]:.3f}",
+        "times shorter": f"{times[0] / times[1]:.0f}",
+    }
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("folder", type=pathlib.Path)
+    parser.add_argument("examples", nargs="*", default=list(EXAMPLES), metavar="EXAMPLE")
+    parser.add_argument("--out", type=pathlib.Path, help="the table, as CSV")
+    given = parser.parse_args()
+    rows = [judged(given.folder / name, EXAMPLES[name]) for name in given.examples]
+    for row in rows:
+        print(", ".join(f"{key}: {value}" for key, value in row.items()))
+    if given.out:
+        with open(given.out, "w", newline="") as file:
+            writer = csv.DictWriter(file, rows[0], lineterminator="\n")
+            writer.writeheader()
+            writer.writerows(rows)
+
+
+if __name__ == "__main__":
+    main()
