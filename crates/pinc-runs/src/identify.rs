@@ -69,7 +69,13 @@ pub fn identify(
             return Err(RunError::no_model_file(name, command));
         }
         (Some(kind @ (ModelKind::BlackBox | ModelKind::Policy)), _) => {
-            return Err(RunError::missing_model(name, kind));
+            return Err(RunError::usage(
+                name,
+                format!(
+                    "`identify` has no model `{}`, expected pinc or an integrator",
+                    kind.name()
+                ),
+            ));
         }
         (Some(kind), _) => kind,
         (None, Some(_)) => ModelKind::Pinc,

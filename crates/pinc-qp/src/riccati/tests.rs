@@ -118,6 +118,42 @@ fn rows_are_met_violated_or_proved_to_contradict_each_other() {
     }
 }
 
+/// x_{j+1} = 20 x_j + u_j over 14 stages, from c: what condensing multiplies by 20^13.
+fn unstable() -> Qp {
+    let (horizon, dims) = (14, pair([[0.0; 2]; 2]).dims);
+    let dims = OcpDims { horizon, n_controls: horizon, ..dims };
+    let mut qp = Qp::new(dims, vec![1.0; horizon], vec![1e-3; horizon]);
+    qp.a.fill(20.0);
+    qp.b.fill(1.0);
+    qp.c[0] = 1.0;
+    qp.gradient.iter_mut().enumerate().for_each(|(i, entry)| *entry = 0.1 * f64::from(i as u8));
+    let inputs = dims.all_states();
+    qp.bounds.low[inputs..].fill(-40.0);
+    qp.bounds.high[inputs..].fill(40.0);
+    qp
+}
+
+#[test]
+fn what_rounding_has_spoiled_is_no_solution() {
+    let qp = unstable();
+    let (mut exact, mut spoiled) = (QpStep::new(qp.dims), QpStep::new(qp.dims));
+    assert_eq!(RiccatiQp::new(&qp).solve(&qp, &mut exact, &mut || false), QpStatus::Solved);
+    CondensedQp::new(&qp).solve(&qp, &mut spoiled, &mut || false);
+    let mut newton = Newton::new(qp.dims);
+    assert!(newton.is_solved_by(&qp, &exact));
+    assert!(!newton.is_solved_by(&qp, &spoiled));
+    // Each part counts: states and inputs, the multipliers of the dynamics and of bounds.
+    for part in 0..3 {
+        let mut near = QpStep::new(qp.dims);
+        near.d.copy_from_slice(&exact.d);
+        near.multipliers.copy_from(&exact.multipliers);
+        let [dynamics, bounds, ..] = near.multipliers.parts_mut();
+        let values = [&mut near.d[..], dynamics, bounds];
+        values.into_iter().nth(part).unwrap()[3] += 1e-6;
+        assert!(!newton.is_solved_by(&qp, &near), "part {part}");
+    }
+}
+
 #[test]
 fn rows_are_counted_kind_by_kind() {
     let dims = OcpDims { inequalities: 2, ..pair([[0.0; 2]; 2]).dims };
