@@ -229,6 +229,6 @@ mod tests {
         for u in [[1.0, 1.0], [2.0, 0.5], [0.0, 0.5]] {
             totals.add_input(&u, &[4.0, 0.5]);
         }
-        assert_eq!(totals.input_travel, (0.25 + 1.0) + 0.5);
+        assert!((totals.input_travel - 1.75).abs() < 1e-15);
     }
 }
