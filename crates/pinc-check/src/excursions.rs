@@ -234,11 +234,10 @@ mod tests {
         for (value, down, up) in
             [(123.4, 120.0, 130.0), (-0.01234, -0.013, -0.012), (5.0, 5.0, 5.0), (9.96, 9.9, 10.0)]
         {
-            assert_eq!(
-                [rounded(value, f64::floor, value), rounded(value, f64::ceil, value)],
-                [down, up]
-            );
+            let ends = [rounded(value, f64::floor, value), rounded(value, f64::ceil, value)];
+            assert_eq!(ends.to_vec(), [down, up], "{value}");
         }
-        assert_eq!([rounded(-0.2, f64::floor, 0.1), rounded(0.2, f64::ceil, -0.1)], [0.0; 2]);
+        let signs = [rounded(-0.2, f64::floor, 0.1), rounded(0.2, f64::ceil, -0.1)];
+        assert_eq!(signs.to_vec(), [0.0; 2]);
     }
 }
