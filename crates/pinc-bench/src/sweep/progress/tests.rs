@@ -6,7 +6,7 @@ use std::time::Duration;
 
 #[test]
 fn trials_that_failed_are_counted() {
-    let mut progress = Progress::begin(Verbosity::Quiet, 4, 3, Estimate::new(1, 0.0, 3));
+    let mut progress = Progress::begin(Verbosity::Quiet, 4, 3, Estimate::new(1, 0.0, 3.0));
     let failed = || Ending::Failed { error: "a reason".to_owned() };
     progress.finished(&Ending::Done, Duration::ZERO);
     assert_eq!((progress.left, progress.failed), (2, 0));
