@@ -1,11 +1,12 @@
 //! The interior-point method alone: what it leaves inexact, the active rows would put right.
 
+use super::RiccatiQp;
 use super::interior_point::{Ending, InteriorPoint};
 use super::newton::Newton;
 use super::rows::Rows;
 use crate::condense::CondensedQp;
 use crate::tests::endings::program;
-use crate::{Kind, OcpDims, Qp, QpSolver, QpStep};
+use crate::{Kind, OcpDims, Qp, QpSolver, QpStatus, QpStep};
 
 /// The ending, the point and the method.
 fn solved(qp: &Qp) -> (Ending, Newton, InteriorPoint) {
@@ -126,7 +127,10 @@ fn unstable() -> Qp {
     qp.a.fill(20.0);
     qp.b.fill(1.0);
     qp.c[0] = 1.0;
-    qp.gradient.iter_mut().enumerate().for_each(|(i, entry)| *entry = 0.1 * f64::from(i as u8));
+    qp.gradient
+        .iter_mut()
+        .enumerate()
+        .for_each(|(i, entry)| *entry = 0.1 * f64::from(u8::try_from(i).unwrap()));
     let inputs = dims.all_states();
     qp.bounds.low[inputs..].fill(-40.0);
     qp.bounds.high[inputs..].fill(40.0);
