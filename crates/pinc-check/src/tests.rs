@@ -100,9 +100,12 @@ fn inputs_have_to_make_a_tenth_of_a_change_within_the_horizon() {
 #[test]
 fn plants_that_stand_still_within_the_horizon_are_noticed() {
     let of = |n2: &str| findings(["1e-6 + 1e-12*u", "1e-9*x1 - 1e-9*x2"], &["control.nu=1", n2]);
-    let words = "within the horizon of 5 s no state moves more than 1.25e-6 widths";
+    let words = "within the horizon of 5 s no state moves more than 1.250e-6 widths";
     assert_eq!(only(&of("control.n2=10"), words).0, Warning);
-    only(&of("control.n2=20"), "within the horizon of 10 s no state moves more than 2.5e-6 widths");
+    only(
+        &of("control.n2=20"),
+        "within the horizon of 10 s no state moves more than 2.500e-6 widths",
+    );
 }
 
 #[test]
@@ -117,7 +120,9 @@ fn measurements_outside_the_domain_are_counted() {
     };
     let sets =
         ["data.files=[\"a.csv\"]", "training={}", "model.hidden_layers=1", "model.neurons=4"];
-    let sets = [&sets[..], &["model.horizon_s=0.5"]].concat();
+    let domain = "validation.domain={ state_low = [-1.0, -1.0], state_high = [1.0, 1.0], \
+                  input_low = [-1.0], input_high = [1.0] }";
+    let sets = [&sets[..], &["model.horizon_s=0.5", "validation.duration_s=1.0", domain]].concat();
     let found = findings_beside(["u - x1", "x1 - x2"], &sets, &read);
     assert_eq!(only(&found, "2 of 5 points lie outside the training domain").0, Warning);
     assert_eq!(only(&found, "5 measured values at 5 points").0, Fact);
@@ -133,6 +138,7 @@ fn what_no_measurement_shows_is_named_in_any_sizes() {
             "plant.expression.outputs.difference=\"x1 - x2\"",
             "control.measurement.measured=[\"difference\"]",
             "control.estimator.kind=\"ekf\"",
+            "control.estimator.initial_estimate=[0.0, 0.0]",
             "control.estimator.process_sd=[0.01, 0.01]",
             "control.estimator.measurement_sd=[0.1]",
             &sd,

@@ -119,7 +119,7 @@ fn rows_are_met_violated_or_proved_to_contradict_each_other() {
     }
 }
 
-/// Each state is 20 times the one before and an input, over 14 stages: condensing multiplies by 20^13.
+/// Each of 14 states is 20 times the one before and an input: condensing multiplies by 20^13.
 fn unstable() -> Qp {
     let (horizon, dims) = (14, pair([[0.0; 2]; 2]).dims);
     let dims = OcpDims { horizon, n_controls: horizon, ..dims };
