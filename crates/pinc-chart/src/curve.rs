@@ -251,6 +251,19 @@ mod tests {
     const FRAME: Frame = Frame { left: 0.0, top: 0.0, width: 10.0, height: 10.0 };
 
     #[test]
+    fn a_segment_is_cut_at_each_edge_of_a_frame() {
+        let frame = Frame { left: 1.0, top: 20.0, width: 4.0, height: 10.0 };
+        for (from, to, ends) in [
+            ((3.0, 10.0), (3.0, 40.0), Some(((3.0, 20.0), (3.0, 30.0)))),
+            ((0.0, 25.0), (10.0, 25.0), Some(((1.0, 25.0), (5.0, 25.0)))),
+            ((3.0, 10.0), (3.0, 19.0), None),
+            ((0.0, 21.0), (0.5, 29.0), None),
+        ] {
+            assert_eq!(frame.cut(from, to), ends, "{from:?} {to:?}");
+        }
+    }
+
+    #[test]
     fn curves_are_subtracted_at_their_own_positions() {
         let baseline = [(0.0, 1.0), (2.0, 3.0), (4.0, -1.0)];
         let curve =

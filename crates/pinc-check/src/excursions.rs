@@ -224,3 +224,20 @@ fn rounded(value: f64, outwards: impl Fn(f64) -> f64, seen: f64) -> f64 {
     // Without the tail of a decimal fraction's binary form.
     format!("{rounded:.12}").parse().unwrap_or(rounded)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::rounded;
+
+    #[test]
+    fn ends_are_rounded_outwards_to_two_digits() {
+        for (value, down, up) in
+            [(123.4, 120.0, 130.0), (-0.01234, -0.013, -0.012), (5.0, 5.0, 5.0), (9.96, 9.9, 10.0)]
+        {
+            let ends = [rounded(value, f64::floor, value), rounded(value, f64::ceil, value)];
+            assert_eq!(ends.to_vec(), [down, up], "{value}");
+        }
+        let signs = [rounded(-0.2, f64::floor, 0.1), rounded(0.2, f64::ceil, -0.1)];
+        assert_eq!(signs.to_vec(), [0.0; 2]);
+    }
+}

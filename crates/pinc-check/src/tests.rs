@@ -1,12 +1,23 @@
 //! Numbers in findings, and from which numbers on there is one, on plants whose answers are known.
 
 use crate::Severity::{self, Fact, Warning};
-use crate::{Evidence, Finding, Work, check};
+use crate::{Evidence, Finding, ReadMeasurements, Work, check};
 use pinc_config::{Experiment, Plants};
+use pinc_net::Measurements;
+use pinc_ode::Dims;
 
 /// The findings on a plant with the states x1 and x2 and the input u, and a loop with steps of 0.5 s
 /// that moves the first of `controlled` from 0 to 0.5. Nothing is run.
 fn findings(derivatives: [&str; 2], sets: &[&str]) -> Vec<Finding> {
+    findings_beside(derivatives, sets, &|_| Err("no files".to_owned()))
+}
+
+/// The same beside the measurements that `read` gives.
+fn findings_beside(
+    derivatives: [&str; 2],
+    sets: &[&str],
+    read: &ReadMeasurements<'_>,
+) -> Vec<Finding> {
     let text = format!(
         r#"
         name = "test"
@@ -41,7 +52,7 @@ fn findings(derivatives: [&str; 2], sets: &[&str]) -> Vec<Finding> {
     let evidence = Evidence {
         rehearsal: None,
         cost: None,
-        read: &|_| Err("no files".to_owned()),
+        read,
         work: Work::of_a_check(),
         progress: &|_, _, _| {},
     };
@@ -83,4 +94,71 @@ fn inputs_have_to_make_a_tenth_of_a_change_within_the_horizon() {
     // A horizon in which they make half of it: 10 * 0.5 / 0.09.
     assert!(change.starts_with("n2 of about 56"), "{change}");
     assert!(of(0.11).iter().all(|of| !of.what.contains("of a change of its reference")));
+}
+
+/// x1 moves by 1e-6 in a second, in a domain of 4.
+#[test]
+fn plants_that_stand_still_within_the_horizon_are_noticed() {
+    let of = |n2: &str| findings(["1e-6 + 1e-12*u", "1e-9*x1 - 1e-9*x2"], &["control.nu=1", n2]);
+    let words = "within the horizon of 5 s no state moves more than 1.250e-6 widths";
+    assert_eq!(only(&of("control.n2=10"), words).0, Warning);
+    only(
+        &of("control.n2=20"),
+        "within the horizon of 10 s no state moves more than 2.500e-6 widths",
+    );
+}
+
+#[test]
+fn measurements_outside_the_domain_are_counted() {
+    let read = |_: &[_]| {
+        let mut measured = Measurements::new(Dims::new(2, 1));
+        // Two of five: a state above, an input below.
+        for (x1, u) in [(0.0, 0.0), (2.1, 0.0), (2.0, 1.0), (0.0, -1.1), (-2.0, -1.0)] {
+            measured.push(0.5, &[x1, 0.0], &[u], &[], &[Some(0.1), None]);
+        }
+        Ok(measured)
+    };
+    let sets =
+        ["data.files=[\"a.csv\"]", "training={}", "model.hidden_layers=1", "model.neurons=4"];
+    let domain = "validation.domain={ state_low = [-1.0, -1.0], state_high = [1.0, 1.0], \
+                  input_low = [-1.0], input_high = [1.0] }";
+    let sets = [&sets[..], &["model.horizon_s=0.5", "validation.duration_s=1.0", domain]].concat();
+    let found = findings_beside(["u - x1", "x1 - x2"], &sets, &read);
+    assert_eq!(only(&found, "2 of 5 points lie outside the training domain").0, Warning);
+    assert_eq!(only(&found, "5 measured values at 5 points").0, Fact);
+}
+
+/// x1 + x2 grows by itself, and x1 - x2 is what is measured, whatever the estimator believes of the
+/// states' sizes.
+#[test]
+fn what_no_measurement_shows_is_named_in_any_sizes() {
+    for sizes in ["[1.0, 10.0]", "[1.0, 1.0]"] {
+        let sd = format!("control.estimator.initial_sd={sizes}");
+        let sets = [
+            "plant.expression.outputs.difference=\"x1 - x2\"",
+            "control.measurement.measured=[\"difference\"]",
+            "control.estimator.kind=\"ekf\"",
+            "control.estimator.initial_estimate=[0.0, 0.0]",
+            "control.estimator.process_sd=[0.01, 0.01]",
+            "control.estimator.measurement_sd=[0.1]",
+            &sd,
+        ];
+        let found = findings(["x2 - 0.9*x1 + u", "x1 - 0.9*x2 + u"], &sets);
+        let (severity, _) =
+            only(&found, "what is measured does not tell x1, x2 apart: rank 1 of 2");
+        assert_eq!(severity, Warning, "{sizes}");
+    }
+}
+
+#[test]
+fn zeros_are_of_as_many_inputs_as_controlled_states() {
+    let both = ["control.controlled=[\"x1\", \"x2\"]", "control.q=[1.0, 1.0]"];
+    let both =
+        [&both[..], &["control.references=[{ start_s = 0.0, value = [0.5, 0.5] }]"]].concat();
+    let zeros = |sets: &[&str]| {
+        let found = findings(["u - x1", "2*x1 - u - x2"], sets);
+        found.iter().filter(|of| of.what.contains("transmission zero")).count()
+    };
+    assert_eq!(zeros(&both), 0);
+    assert!(zeros(&["control.controlled=[\"x2\"]"]) > 0);
 }

@@ -54,6 +54,9 @@ fn in_plain_quoted(message: &str) -> String {
         // A choice between several kinds of thing, of which a table names one by its only key.
         return "no key or several given, expected exactly one".to_owned();
     }
+    if message.ends_with("unit variant, expected newtype variant") {
+        return "a word given, expected a table with a value for it".to_owned();
+    }
     let plain = [
         ("expected f64", "expected a number"),
         ("expected usize", "expected a whole number, 0 or more"),

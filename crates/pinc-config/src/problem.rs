@@ -103,6 +103,9 @@ pub enum SetProblem {
     Path(String),
 }
 
+/// More digits than the longest number of ordinary size has.
+const LONG_NUMBER: usize = 24;
+
 /// A problem with a key or its value.
 #[derive(Debug, Error)]
 #[non_exhaustive]
@@ -129,13 +132,13 @@ pub enum Problem {
         nearest: Option<String>,
     },
     /// A value of the wrong type; the text names both types.
-    #[error("{0}")]
+    #[error("{}", short_numbers(.0))]
     Type(String),
     /// NaN or infinity.
     #[error("{0} given, expected a finite number")]
     NotFinite(f64),
     /// A value out of its range.
-    #[error("{found} given, expected {expected}")]
+    #[error("{} given, expected {}", short_numbers(.found), short_numbers(.expected))]
     Value {
         /// The value.
         found: String,
@@ -190,6 +193,16 @@ fn one_of(known: &[String]) -> String {
         return String::new();
     }
     format!("; expected one of {}", Variable::grouped_names(known).join(", "))
+}
+
+/// A text whose numbers have no hundreds of zeros.
+fn short_numbers(text: &str) -> String {
+    let short = |word: &str| {
+        let number = word.trim_matches(|c| "`,:".contains(c));
+        let value = number.parse::<f64>().ok().filter(|_| number.len() > LONG_NUMBER);
+        value.map_or_else(|| word.to_owned(), |v| word.replace(number, &format!("{v:e}")))
+    };
+    text.split(' ').map(short).collect::<Vec<_>>().join(" ")
 }
 
 fn excerpt(error: &ExpressionError) -> String {

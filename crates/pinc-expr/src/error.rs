@@ -87,10 +87,10 @@ pub enum ExpressionProblem {
     #[error("{0} given, expected a finite number")]
     NotFinite(f64),
     /// A parameter that no expression has.
-    #[error("no expression uses this parameter")]
+    #[error("no expression uses this parameter; remove it")]
     UnusedParameter,
     /// The output of a net that no expression has.
-    #[error("no expression uses this output")]
+    #[error("no expression uses this output; remove it")]
     UnusedOutput,
     /// The parameters of a net's name are not its weights.
     #[error("{found} weights, expected {expected} for the net of this name")]

@@ -145,7 +145,7 @@ pub struct OutputExpression {
 
 /// The forms of an output in files.
 #[derive(Serialize, Deserialize)]
-#[serde(untagged, expecting = "an expression, or a table { expression, unit }")]
+#[serde(untagged, expecting = "expected an expression, or a table { expression, unit }")]
 enum OutputText {
     Expression(String),
     Table(OutputTable),

@@ -3,7 +3,7 @@
 use pinc_integer::{BranchAndBound, sum_up};
 use pinc_mpc::{Bounds, Nmpc, NmpcProblem, SqpStatus, Weights};
 use pinc_ode::{Model, Rk4};
-use pinc_plants::VanDerPol;
+use pinc_plants::{FourTanks, VanDerPol};
 
 const STAGES: usize = 6;
 
@@ -103,4 +103,27 @@ fn an_input_is_whole_however_the_step_ended() {
         late += usize::from(step.status == SqpStatus::Deadline);
     }
     assert!(late > 20, "{late}");
+}
+
+/// One pump is switched in whole volts, the other is not.
+#[test]
+fn other_inputs_are_free_beside_whole_ones() {
+    let tanks = Rk4::new(FourTanks::antonelo(), 10.0, 2);
+    let problem = NmpcProblem {
+        input_bounds: Bounds::new(vec![0.0; 2], vec![5.0; 2]),
+        ..NmpcProblem::new(
+            tanks.dims(),
+            STAGES,
+            Weights::uniform(vec![1.0, 1.0, 0.0, 0.0], vec![0.1; 2]),
+        )
+    };
+    let search = BranchAndBound::new(&problem, &[0], 500, &[10.0; STAGES]);
+    let nmpc = Nmpc::builder(problem).model(Box::new(tanks)).search(Box::new(search)).build();
+    let mut nmpc = nmpc.unwrap();
+    let reference = [4.0, 5.0, 0.0, 0.0].repeat(STAGES);
+    nmpc.step(&[3.0, 4.0, 1.0, 1.0], &reference).unwrap();
+    let plan = nmpc.plan().inputs();
+    assert!(plan.iter().step_by(2).all(|u| u.fract() == 0.0), "{plan:?}");
+    let free = plan.iter().skip(1).step_by(2).filter(|u| u.fract().abs() > 1e-3).count();
+    assert!(free > 2, "{plan:?}");
 }

@@ -180,11 +180,13 @@ impl DomainErrorMetrics {
             }
             false => "nothing that is a number. ".to_owned(),
         };
-        said += "A controller that plans there is misled: see what pinc check says of poles and                  kinks, take a smaller [domain] or a shorter T, ";
+        said += "A controller that plans there is misled: see what pinc check says of poles and \
+                 kinks, take a smaller [domain] or a shorter T, ";
         // A net that fits fresh points as well as its sample does not want more of them.
         said += match losses {
             Some((loss, fresh)) if fresh <= FITS * loss => {
-                "or a larger net: its loss is the same on fresh points, so that more points would                  not help."
+                "or a larger net: its loss is the same on fresh points, so that more points would \
+                 not help."
             }
             _ => "or a larger net and more training.",
         };
@@ -260,8 +262,10 @@ mod tests {
             assert!(said.contains(part), "no `{part}` in {said}");
         }
         assert!(said.ends_with("a larger net and more training."), "{said}");
+        assert!(!said.contains("  "), "{said}");
         let said = finding(&off, Some((1e-6, 1.5e-6))).unwrap();
         assert!(said.contains("larger net: its loss is the same on fresh points"), "{said}");
+        assert!(!said.contains("  "), "{said}");
         assert!(finding(&off, Some((1e-6, 1e-3))).unwrap().ends_with("more training."));
         // Found by the search only.
         assert!(!finding(&judged(vec![1e-6], 0.395), None).unwrap().contains("0 %"));

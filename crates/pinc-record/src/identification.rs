@@ -319,21 +319,33 @@ impl IdentificationMetrics {
 mod tests {
     use super::*;
 
-    fn of(status: &str, starts: &[(Option<f64>, &str)]) -> String {
-        let start = |(cost, status): &(Option<f64>, &str)| StartMetrics {
-            cost: *cost,
-            parameters: BTreeMap::new(),
-            status: (*status).to_owned(),
-        };
+    fn metrics() -> IdentificationMetrics {
         let text = r#"{ "experiment": "e", "model": "rk4", "parameters": {}, "cost": 2.0,
             "outputs": [], "measurement_sd": [], "initial_states": [], "status": "",
             "method": "", "reason": "", "measurements": 9, "degrees_of_freedom": 7,
             "residuals": {}, "correlation": { "names": [], "matrix": [] }, "singular_values": [],
             "findings": [],
             "work": { "iterations": 1, "steps": 1, "linearized": 1, "wall_s": 1.0 } }"#;
-        let metrics: IdentificationMetrics = serde_json::from_str(text).unwrap();
+        serde_json::from_str(text).unwrap()
+    }
+
+    #[test]
+    fn a_weight_is_of_the_net_of_its_name() {
+        let nets = ["law2", "law"].map(str::to_owned).to_vec();
+        let metrics = IdentificationMetrics { nets, ..metrics() };
+        assert_eq!(metrics.net_of("law[3]").unwrap(), "law");
+        assert_eq!(metrics.net_of("law2[1]").unwrap(), "law2");
+        assert_eq!([metrics.net_of("law"), metrics.net_of("la[1]")], [None; 2]);
+    }
+
+    fn of(status: &str, starts: &[(Option<f64>, &str)]) -> String {
+        let start = |(cost, status): &(Option<f64>, &str)| StartMetrics {
+            cost: *cost,
+            parameters: BTreeMap::new(),
+            status: (*status).to_owned(),
+        };
         let (status, starts) = (status.to_owned(), starts.iter().map(start).collect());
-        IdentificationMetrics { status, starts, ..metrics }.ended()
+        IdentificationMetrics { status, starts, ..metrics() }.ended()
     }
 
     #[test]

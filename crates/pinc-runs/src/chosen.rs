@@ -78,7 +78,7 @@ impl<'e> Chosen<'e> {
         let first = spec.models.first().copied().unwrap_or(ModelKind::RK4);
         let kind = only.unwrap_or(if model.is_some() { ModelKind::Pinc } else { first });
         if !spec.models.contains(&kind) {
-            return Err(RunError::missing_model(name, kind));
+            return Err(RunError::missing_model(name, kind, &spec.models));
         }
         let own = spec.model_of(kind);
         if model.is_some() && own != ModelKind::Pinc {

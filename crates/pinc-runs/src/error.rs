@@ -125,8 +125,11 @@ impl RunError {
     }
 
     /// The closed loop of the config `name` lacks the requested model.
-    pub(crate) fn missing_model(name: &str, model: ModelKind) -> Self {
-        Self::usage(name, format!("control.models does not contain `{}`", model.name()))
+    #[must_use]
+    pub fn missing_model(name: &str, model: ModelKind, models: &[ModelKind]) -> Self {
+        let known = models.iter().map(|kind| kind.name()).collect::<Vec<_>>().join(", ");
+        let model = model.name();
+        Self::usage(name, format!("control.models does not contain `{model}`, it has {known}"))
     }
 
     /// The net is to be the model, and no file has it.

@@ -291,7 +291,7 @@ impl Plan {
                 plan.loops = configured.ok_or_else(|| missing("control", "pinc control"))?;
                 if let Some(only) = only {
                     if !plan.loops.contains(&only) {
-                        return Err(RunError::missing_model(name, only));
+                        return Err(RunError::missing_model(name, only, &plan.loops));
                     }
                     plan.loops = vec![only];
                 }
@@ -309,6 +309,14 @@ impl Plan {
         }
         if !plan.loops.is_empty() && plan.given.is_none() && experiment.sample_time_s().is_none() {
             return Err(missing("model", "a closed loop without control.step_s"));
+        }
+        if let Some(spec) = experiment.control.as_ref()
+            && plan.loops.contains(&ModelKind::Policy)
+        {
+            let of_net = plan.given.as_ref().map(|(_, net)| net.sample_time_s());
+            let sample_time_s = experiment.sample_time_s().or(of_net);
+            let sample_time_s = sample_time_s.expect("it was checked above");
+            policy::read((spec, &*experiment.plant.dyn_plant()), sample_time_s)?;
         }
         Ok(plan)
     }

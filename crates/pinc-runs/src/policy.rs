@@ -5,7 +5,7 @@ use super::model_error::SharedLog;
 use crate::{BatchController, RunError};
 use pinc_config::{ControlSpec, ModelKind, Variables};
 use pinc_mpc::Nmpc;
-use pinc_ode::DynPlant;
+use pinc_ode::{DynPlant, DynRhs};
 use pinc_record::read_file;
 use pinc_shrink::{Checked, Policy, PolicyNet};
 use serde::{Deserialize, Serialize};
@@ -60,6 +60,27 @@ fn json(value: &impl Serialize) -> String {
     serde_json::to_string(value).expect("names and finite numbers")
 }
 
+/// The net of `control.policy`, in place of the controller of `spec` for the plant `truth`.
+pub(super) fn read(
+    (spec, truth): (&ControlSpec, &dyn DynRhs),
+    sample_time_s: f64,
+) -> Result<PolicyNet, RunError> {
+    let path = spec.policy.as_deref().expect("the config was checked for it");
+    let refused = |problem: String| RunError::usage(path.display(), problem);
+    let file = serde_json::from_slice(&read_file(path)?);
+    let PolicyFile { of, net } =
+        file.map_err(|error| refused(format!("{error}; expected `policy.json` of `pinc shrink`")))?;
+    let variables = (spec, &Variables::of(truth));
+    let own = Controller::of(variables, sample_time_s, spec.model_of(ModelKind::Policy));
+    if of != own {
+        let (of, own) = (json(&of), json(&own));
+        return Err(refused(format!("a net for {of}; expected one for {own}")));
+    }
+    let inputs = own.states.len() + own.controlled.len() + own.inputs.len();
+    net.check(inputs, own.nu * own.inputs.len()).map_err(|error| refused(error.to_string()))?;
+    Ok(net)
+}
+
 impl LoopSetup<'_> {
     /// The controller with the net of `control.policy` in place of the optimization.
     pub(super) fn policy(
@@ -76,21 +97,11 @@ impl LoopSetup<'_> {
                 return Err(RunError::usage("control.models", problem));
             }
         }
-        let path = spec.policy.as_deref().expect("the config was checked for it");
-        let refused = |problem: String| RunError::usage(path.display(), problem);
-        let file = serde_json::from_slice(&read_file(path)?);
-        let PolicyFile { of, net } = file.map_err(|error| {
-            refused(format!("{error}; expected `policy.json` of `pinc shrink`"))
-        })?;
-        let (model, variables) = (spec.model_of(ModelKind::Policy), Variables::of(self.truth));
-        let own = Controller::of((spec, &variables), self.sample_time_s, model);
-        if of != own {
-            let (of, own) = (json(&of), json(&own));
-            return Err(refused(format!("a net for {of}; expected one for {own}")));
-        }
-        let (mut nmpc, log) = self.judged_controller(model, plant)?;
+        let net = read((spec, self.truth), self.sample_time_s)?;
+        let (mut nmpc, log) = self.judged_controller(spec.model_of(ModelKind::Policy), plant)?;
         let checked = Policy::new(net, &nmpc).and_then(|policy| Checked::new(policy, &mut nmpc));
-        let checked = checked.map_err(|error| refused(error.to_string()))?;
+        let checked =
+            checked.map_err(|error| RunError::usage("control.policy", error.to_string()))?;
         nmpc.set_planner(Some(Box::new(checked)));
         Ok((nmpc, log))
     }

@@ -88,6 +88,18 @@ impl Limits {
 }
 
 impl PolicyNet {
+    /// Checks that the net is in place of a controller with so many numbers in and out.
+    ///
+    /// # Errors
+    ///
+    /// [`ShrinkError::Sizes`] if the net is not of these sizes, or damaged.
+    pub fn check(&self, inputs: usize, outputs: usize) -> Result<(), ShrinkError> {
+        match self.is_sound(inputs, outputs) {
+            true => Ok(()),
+            false => Err(ShrinkError::Sizes { inputs, outputs }),
+        }
+    }
+
     /// Whether the numbers are finite and as many as the sizes ask for.
     fn is_sound(&self, inputs: usize, outputs: usize) -> bool {
         let Self { layers: Net { widths, weights }, inputs: from, outputs: to } = self;
@@ -109,15 +121,12 @@ impl Policy {
     ///
     /// # Errors
     ///
-    /// [`ShrinkError::Sizes`] if the net is not of the controller's sizes, or damaged.
+    /// See [`PolicyNet::check`].
     pub fn new(net: PolicyNet, nmpc: &Nmpc) -> Result<Self, ShrinkError> {
         let (problem, dims) = (nmpc.problem(), nmpc.model().dims());
         let inputs = dims.nx + problem.tracked.len() + dims.nu;
-        let outputs = problem.control_horizon * dims.nu;
-        match net.is_sound(inputs, outputs) {
-            true => Ok(Self::of(net, Limits::new(problem, dims))),
-            false => Err(ShrinkError::Sizes { inputs, outputs }),
-        }
+        net.check(inputs, problem.control_horizon * dims.nu)?;
+        Ok(Self::of(net, Limits::new(problem, dims)))
     }
 
     pub(crate) fn of(net: PolicyNet, limits: Limits) -> Self {

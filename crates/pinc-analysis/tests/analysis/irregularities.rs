@@ -182,3 +182,10 @@ fn a_plant_that_is_slower_on_one_side_only_has_no_knee() {
         assert_eq!(beyond_knee(&friction, &rest, &region).is_some(), is_knee, "{steep}");
     }
 }
+
+#[test]
+fn a_jump_counts_by_the_usual_rate_of_its_own_state() {
+    let plant = plant(&["x", "y"], &["u"], &["1000*(u - x)", "sign(y - 0.3) - y"]);
+    let found = kinds(&plant, &region(2, &[-1.0, -1.0, -1.0], &[1.0, 1.0, 1.0]));
+    assert_eq!(found, [(IrregularityKind::Jump, 1, 1, true)]);
+}

@@ -93,8 +93,7 @@ fn base(experiment: &Experiment, only: Option<ModelKind>) -> Result<Experiment, 
     let control = control.expect("the section [tune] was checked for it");
     let first = control.models.first().copied();
     if let Some(only) = only.filter(|only| !control.models.contains(only)) {
-        let problem = format!("control.models does not contain `{}`", only.name());
-        return Err(RunError::usage(&experiment.name, problem));
+        return Err(RunError::missing_model(&experiment.name, only, &control.models));
     }
     control.models = only.or(first).into_iter().collect();
     control.repetitions = 1;

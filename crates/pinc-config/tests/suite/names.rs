@@ -88,7 +88,11 @@ fn names_that_are_unknown_or_missing_are_reported() {
         // Without a plant there are no names, and the plant is what is wrong.
         (
             "plant.expression.outputs.level={ unit = \"m\", equation = \"h1\" }",
-            ["plant.expression.outputs.level", "an expression, or a table", "{ expression, unit }"],
+            [
+                "plant.expression.outputs.level",
+                "expected an expression, or a table",
+                "{ expression, unit }",
+            ],
         ),
         (
             "plant.expression.stats=[\"h1\"]",
@@ -99,6 +103,23 @@ fn names_that_are_unknown_or_missing_are_reported() {
         for part in parts {
             assert!(message.contains(part), "{set}: no `{part}` in {message}");
         }
+    }
+}
+
+#[test]
+fn values_that_make_no_sense_are_shown_as_they_are_written() {
+    for (set, part) in [
+        ("control.duration_s=-1e300", "`control.duration_s`: -1e300 given, expected"),
+        ("control.step_s=1e-300", "10000000 steps of T = 1e-300 s"),
+        ("control.n1=1e-300", "floating point `1e-300`, expected a whole number"),
+        ("control.n1=1234567890123", "1234567890123 given, expected"),
+        (
+            "control.output_softness=\"penalty\"",
+            "softness.penalty`: a word given, expected a table",
+        ),
+    ] {
+        let message = with(set).unwrap_err();
+        assert!(message.contains(part), "{set}: no `{part}` in {message}");
     }
 }
 

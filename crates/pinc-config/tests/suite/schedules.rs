@@ -1,6 +1,6 @@
 //! Schedules as functions of t and as files.
 
-use crate::common::parse;
+use crate::common::{parse, read};
 use pinc_config::{ControlSpec, Experiment};
 use pinc_mpc::Bounded;
 use pinc_mpc::NmpcProblem;
@@ -143,6 +143,21 @@ fn parameters_are_functions_of_t() {
         dx[1]
     };
     assert_eq!([rate(0), rate(3), rate(7)].to_vec(), [0.0, 0.75, 1.75]);
+}
+
+/// One that is measured is the plant's, whatever `control.parameters` says of it; one that is named
+/// there has that value; the others are nominal.
+#[test]
+fn models_begin_with_what_is_measured() {
+    let family = read("configs/four-tanks/family.toml");
+    let pumps = "control.plant.four-tanks.pump=[2.7, 2.8]";
+    for (set, expected) in [
+        ("control.parameters={ k1 = 3.5, k2 = 3.6 }", [2.7, 3.6]),
+        ("control.parameters={ k1 = 3.5 }", [2.7, 3.35]),
+    ] {
+        let sets = [pumps, set, "control.measured_parameters=[\"k1\"]"];
+        assert_eq!(parse(&family, &sets).unwrap().model_parameters(), expected, "{set}");
+    }
 }
 
 /// The bounds of `problem` at its first stage, by step.

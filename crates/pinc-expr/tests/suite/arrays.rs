@@ -257,7 +257,10 @@ fn sizes_and_names_are_checked() {
     let none = error(|rod| rod.sizes = [("n".to_owned(), 0)].into());
     assert_eq!(none.to_string(), "`sizes.n`: a size of 0, expected 1 to 10000");
     let unused = error(|rod| rod.parameters.extend([("v[1]".to_owned(), 1.0)]));
-    assert_eq!(unused.to_string(), "`parameters.v[1]`: no expression uses this parameter");
+    assert_eq!(
+        unused.to_string(),
+        "`parameters.v[1]`: no expression uses this parameter; remove it"
+    );
     let cycle =
         error(|rod| drop(rod.intermediates.insert("q[0]".to_owned(), "q[1]*0 + r[2]".to_owned())));
     assert!(cycle.to_string().starts_with("`let.q[0]`: unknown name `r`"), "{cycle}");

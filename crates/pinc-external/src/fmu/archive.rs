@@ -77,7 +77,8 @@ mod tests {
 
     const NAME: &str = "resources/a";
 
-    /// An archive with one deflated file of the text, which it says is so long.
+    /// An archive with one deflated file of the text, which it says is so long; before it stands a
+    /// field that nobody knows.
     fn archive(text: &[u8], said: u32) -> Vec<u8> {
         let length = u16::try_from(text.len()).unwrap();
         // One block that is stored.
@@ -92,8 +93,9 @@ mod tests {
         bytes.extend([0; 8]);
         bytes.extend(&sizes);
         bytes.extend(name);
-        bytes.extend([0; 2]);
+        bytes.extend([3, 0]);
         bytes.extend(NAME.as_bytes());
+        bytes.extend(b"any");
         bytes.extend(&packed);
         let entry = u32::try_from(bytes.len()).unwrap();
         bytes.extend(ENTRY);

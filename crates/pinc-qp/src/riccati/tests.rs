@@ -1,11 +1,12 @@
 //! The interior-point method alone: what it leaves inexact, the active rows would put right.
 
+use super::RiccatiQp;
 use super::interior_point::{Ending, InteriorPoint};
 use super::newton::Newton;
 use super::rows::Rows;
 use crate::condense::CondensedQp;
 use crate::tests::endings::program;
-use crate::{Kind, OcpDims, Qp, QpSolver, QpStep};
+use crate::{Kind, OcpDims, Qp, QpSolver, QpStatus, QpStep};
 
 /// The ending, the point and the method.
 fn solved(qp: &Qp) -> (Ending, Newton, InteriorPoint) {
@@ -115,6 +116,45 @@ fn rows_are_met_violated_or_proved_to_contradict_each_other() {
                 _ => panic!("{case}"),
             }
         }
+    }
+}
+
+/// Each of 14 states is 20 times the one before and an input: condensing multiplies by 20^13.
+fn unstable() -> Qp {
+    let (horizon, dims) = (14, pair([[0.0; 2]; 2]).dims);
+    let dims = OcpDims { horizon, n_controls: horizon, ..dims };
+    let mut qp = Qp::new(dims, vec![1.0; horizon], vec![1e-3; horizon]);
+    qp.a.fill(20.0);
+    qp.b.fill(1.0);
+    qp.c[0] = 1.0;
+    qp.gradient
+        .iter_mut()
+        .enumerate()
+        .for_each(|(i, entry)| *entry = 0.1 * f64::from(u8::try_from(i).unwrap()));
+    let inputs = dims.all_states();
+    qp.bounds.low[inputs..].fill(-40.0);
+    qp.bounds.high[inputs..].fill(40.0);
+    qp
+}
+
+#[test]
+fn what_rounding_has_spoiled_is_no_solution() {
+    let qp = unstable();
+    let (mut exact, mut spoiled) = (QpStep::new(qp.dims), QpStep::new(qp.dims));
+    assert_eq!(RiccatiQp::new(&qp).solve(&qp, &mut exact, &mut || false), QpStatus::Solved);
+    CondensedQp::new(&qp).solve(&qp, &mut spoiled, &mut || false);
+    let mut newton = Newton::new(qp.dims);
+    assert!(newton.is_solved_by(&qp, &exact));
+    assert!(!newton.is_solved_by(&qp, &spoiled));
+    // Each part counts: states and inputs, the multipliers of the dynamics and of bounds.
+    for part in 0..3 {
+        let mut near = QpStep::new(qp.dims);
+        near.d.copy_from_slice(&exact.d);
+        near.multipliers.copy_from(&exact.multipliers);
+        let [dynamics, bounds, ..] = near.multipliers.parts_mut();
+        let values = [&mut near.d[..], dynamics, bounds];
+        values.into_iter().nth(part).unwrap()[3] += 1e-6;
+        assert!(!newton.is_solved_by(&qp, &near), "part {part}");
     }
 }
 

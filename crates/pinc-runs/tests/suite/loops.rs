@@ -232,3 +232,25 @@ fn the_first_row_of_recorded_data_is_read_under_the_input_before_it() {
     let unknown = READ.replace("initial_input = [1.5]\n", "");
     near(&[filtered(&unknown)], &[expected(3.5 + 2.0)]);
 }
+
+#[test]
+fn recorded_data_have_a_row_per_step() {
+    let dir = tempfile::tempdir().unwrap();
+    let data = dir.path().join("data.csv");
+    let experiment = experiment(READ, &[]);
+    let step_s = experiment.sample_time_s().unwrap();
+    for (late, fits) in [(0.0, true), (1e-9, true), (1e-3, false), (-1e-3, false)] {
+        let second = step_s * (1.0 + late);
+        fs::write(&data, format!("t,u,y_y\n0,-1,3.5\n{second},2,\n")).unwrap();
+        let found = pinc_runs::estimate(&experiment, &data, None, None, None);
+        let Err(error) = found else {
+            assert!(fits, "{late}");
+            continue;
+        };
+        let error = error.to_string();
+        assert!(
+            !fits && error.contains("csv:3: column `t`") && error.contains("steps of T"),
+            "{error}"
+        );
+    }
+}

@@ -242,7 +242,7 @@ fn what_cannot_be_exported_is_refused() {
     refused(&[&oscillator, "--only", "rk4", "--set", method], &["QP method", "condensed"]);
     let real_time = "control.sqp.real_time=true";
     refused(&[&oscillator, "--only", "rk4", "--set", real_time], &["real-time"]);
-    refused(&[&oscillator, "--only", "rk5"], &["control.models does not contain `rk5`"]);
+    refused(&[&oscillator, "--only", "rk5"], &["control.models does not contain `rk5`, it has"]);
     refused(&[&oscillator], &["--model FILE"]);
     refused(&[&oscillator, "--only", "rk4", "--name", "2nd"], &["`2nd`", "a letter"]);
     let training = config("configs/van-der-pol/training.toml");

@@ -128,3 +128,6 @@ pub(super) fn span(seconds: f64) -> String {
 pub(super) fn now_s() -> f64 {
     SystemTime::now().duration_since(UNIX_EPOCH).map_or(0.0, |time| time.as_secs_f64())
 }
+
+#[cfg(test)]
+mod tests;

@@ -218,3 +218,6 @@ pub(super) fn write_medians(path: &Path, us: impl Fn(usize) -> f64) -> Result<()
     }
     Ok(writer.finish()?)
 }
+
+#[cfg(test)]
+mod tests;

@@ -69,7 +69,13 @@ pub fn identify(
             return Err(RunError::no_model_file(name, command));
         }
         (Some(kind @ (ModelKind::BlackBox | ModelKind::Policy)), _) => {
-            return Err(RunError::missing_model(name, kind));
+            return Err(RunError::usage(
+                name,
+                format!(
+                    "`identify` has no model `{}`, expected pinc or an integrator",
+                    kind.name()
+                ),
+            ));
         }
         (Some(kind), _) => kind,
         (None, Some(_)) => ModelKind::Pinc,
@@ -494,3 +500,6 @@ fn identified(
     let (config, weights) = experiment.with_parameters(&values).to_toml_with_weights_beside();
     (format!("{text}\n{config}"), weights)
 }
+
+#[cfg(test)]
+mod tests;
