@@ -11,6 +11,9 @@ use super::{SparseFunction, SparsityPattern};
 use crate::{Dims, Model};
 use pinc_ad::simd::{Isa, Simd, Task};
 
+/// The entries of all substeps are kept where they take no more bytes than this.
+const MOST_KEPT: usize = 65_536;
+
 /// A plant x' = f(x, u, p), y = h(x, u, p) as functions with sparse Jacobians.
 #[derive(Clone, Debug)]
 pub struct SparsePlant<F, H = F> {
@@ -71,13 +74,17 @@ impl<F: SparseFunction> Task for Build<F> {
         let Self { plant: SparsePlant { dims, rhs, outputs }, stages, sample_time_s, substeps } =
             self;
         let pattern = rhs.pattern();
+        let of_substep = stages.len() * pattern.entries();
+        let fits = substeps * of_substep * size_of::<V>() <= MOST_KEPT;
+        let kept = if fits { substeps } else { 1 };
         let stepper = Explicit {
             nx: dims.nx,
             substeps,
             zero,
             memory: rhs.memory(zero),
             x: vec![zero; places(&stages) * dims.nx],
-            entries: vec![zero; stages.len() * pattern.entries()],
+            entries: vec![zero; kept * of_substep],
+            keeps_all: kept == substeps,
             sensitivities: Sensitivities::new(pattern, &stages, zero),
             adjoint: Adjoint::new(pattern, &stages, substeps, zero),
             small: Small::new(pattern, zero),
@@ -100,8 +107,9 @@ struct Explicit<F, V> {
     memory: Vec<V>,
     /// The places of the stages: see [`Stage`].
     x: Vec<V>,
-    /// The entries of its Jacobian at each stage.
+    /// The entries of its Jacobian at each stage, of all substeps or of one.
     entries: Vec<V>,
+    keeps_all: bool,
     sensitivities: Sensitivities<V>,
     adjoint: Adjoint<V>,
     small: Option<Small<V>>,
@@ -152,12 +160,14 @@ impl<F: SparseFunction, V: Simd> Explicit<F, V> {
         }
     }
 
-    /// A substep of the state, with the entries of the Jacobian at each stage.
+    /// A substep of the state, with the entries of the Jacobian at each stage in a `place` for those
+    /// of a substep.
     #[inline(always)]
-    fn recorded_substep(&mut self) {
+    fn recorded_substep(&mut self, place: usize) {
         self.begin();
         let Self { nx, rhs, stages, zero, memory, x, entries, .. } = self;
         let count = rhs.pattern().entries();
+        let entries = &mut entries[place * stages.len() * count..];
         for s in 0..stages.len() {
             let (values, rest) = rhs.linearize(memory).split_at(*nx);
             gather(&mut entries[s * count..][..count], rest, memory);
@@ -168,7 +178,7 @@ impl<F: SparseFunction, V: Simd> Explicit<F, V> {
     /// A substep of the state and of its derivatives by the first `columns` variables.
     #[inline(always)]
     fn linearized_substep(&mut self, number: usize, columns: usize) {
-        self.recorded_substep();
+        self.recorded_substep(0);
         let Self { rhs, entries, stages, sensitivities, zero, .. } = self;
         let pattern = rhs.pattern();
         let substep = Substep { number, pattern, entries, stages };
@@ -217,8 +227,12 @@ impl<F: SparseFunction, V: Simd> Stepper<V> for Explicit<F, V> {
 
     #[inline(always)]
     fn pull_back(&mut self, weights: impl Fn(usize) -> V, columns: usize) -> Option<&[V]> {
-        let nx = self.nx;
+        let (nx, all) = (self.nx, self.keeps_all);
         for number in 0..self.substeps {
+            if all {
+                self.recorded_substep(number);
+                continue;
+            }
             self.adjoint.start(number).copy_from_slice(&self.memory[..nx]);
             if number + 1 < self.substeps {
                 self.substep();
@@ -226,10 +240,14 @@ impl<F: SparseFunction, V: Simd> Stepper<V> for Explicit<F, V> {
         }
         self.adjoint.begin(weights, self.zero);
         for number in (0..self.substeps).rev() {
-            self.memory[..nx].copy_from_slice(self.adjoint.start(number));
-            self.recorded_substep();
+            if !all {
+                self.memory[..nx].copy_from_slice(self.adjoint.start(number));
+                self.recorded_substep(0);
+            }
             let Self { rhs, stages, entries, adjoint, zero, .. } = &mut *self;
-            adjoint.pull_back(rhs.pattern(), (stages, entries), columns, *zero);
+            let pattern = rhs.pattern();
+            let place = if all { number } else { 0 } * stages.len() * pattern.entries();
+            adjoint.pull_back(pattern, (stages, &entries[place..]), columns, *zero);
         }
         Some(self.adjoint.gradient())
     }

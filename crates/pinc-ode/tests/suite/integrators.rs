@@ -70,43 +70,47 @@ fn text() -> Box<dyn DynPlant> {
     equations.compile_with(&["a", "b"]).unwrap().into_dyn()
 }
 
-/// w'F has the gradient w'(A, B, E), by steps backwards or by the Jacobians, at any number of points.
+/// w'F has the gradient w'(A, B, E), by steps backwards or by the Jacobians, at any number of points,
+/// whether the Jacobians of all substeps are kept or computed again.
 #[test]
 fn gradients_are_the_weighted_jacobians() {
     for integrator in Integrator::ALL {
         for (plant, backwards) in [(text(), integrator.tableau().is_some()), (tanks(), false)] {
-            let mut model = plant.model(integrator, 0.3, 3).unwrap();
-            let dims = model.dims();
-            for count in [1, 3, 8, 13, 16] {
-                let numbers = |width: usize, phase: f64| -> Vec<f64> {
-                    (0..count * width).map(|i| 1.5 + (1.7 * i as f64 + phase).sin()).collect()
-                };
-                let (x, u, p) =
-                    (numbers(dims.nx, 0.0), numbers(dims.nu, 1.0), numbers(dims.np, 2.0));
-                let (at, weights) = (Stages { x: &x, u: &u, p: &p }, numbers(dims.nx, 3.0));
-                let mut jacobians = LinearizationBuffer::new(dims, count);
-                model.linearize(at, jacobians.as_mut());
-                let (mut x, mut u, mut p) =
-                    (vec![0.0; x.len()], vec![0.0; u.len()], vec![0.0; p.len()]);
-                let out = Gradients { x: &mut x, u: &mut u, p: &mut p };
-                assert_eq!(model.pull_back(at, &weights, out), backwards, "{integrator}");
-                let out = Gradients { x: &mut x, u: &mut u, p: &mut p };
-                LinearizationBuffer::default().gradients(&mut *model, at, &weights, out);
-                for (found, jacobian, width) in [
-                    (&x, &jacobians.a, dims.nx),
-                    (&u, &jacobians.b, dims.nu),
-                    (&p, &jacobians.e, dims.np),
-                ] {
-                    for (i, found) in found.iter().enumerate() {
-                        let (point, column) = (i / width, i % width);
-                        let rows = (0..dims.nx).map(|row| point * dims.nx + row);
-                        let terms = rows.map(|row| weights[row] * jacobian[row * width + column]);
-                        let expected: f64 = terms.sum();
-                        let close = (found - expected).abs() <= 1e-12 * (1.0 + expected.abs());
-                        assert!(close, "{integrator}, {count} points: {found:e}, {expected:e}");
-                    }
+            for (substeps, counts) in [(3, &[1, 3, 8, 13, 16][..]), (300, &[5])] {
+                let mut model = plant.model(integrator, 0.3, substeps).unwrap();
+                for &count in counts {
+                    assert_gradients(&mut *model, count, backwards);
                 }
             }
+        }
+    }
+}
+
+#[expect(clippy::cast_precision_loss, reason = "few numbers")]
+fn assert_gradients(model: &mut dyn Model, count: usize, backwards: bool) {
+    let dims = model.dims();
+    let numbers = |width: usize, phase: f64| -> Vec<f64> {
+        (0..count * width).map(|i| 1.5 + (1.7 * i as f64 + phase).sin()).collect()
+    };
+    let (x, u, p) = (numbers(dims.nx, 0.0), numbers(dims.nu, 1.0), numbers(dims.np, 2.0));
+    let (at, weights) = (Stages { x: &x, u: &u, p: &p }, numbers(dims.nx, 3.0));
+    let mut jacobians = LinearizationBuffer::new(dims, count);
+    model.linearize(at, jacobians.as_mut());
+    let (mut x, mut u, mut p) = (vec![0.0; x.len()], vec![0.0; u.len()], vec![0.0; p.len()]);
+    let out = Gradients { x: &mut x, u: &mut u, p: &mut p };
+    assert_eq!(model.pull_back(at, &weights, out), backwards);
+    let out = Gradients { x: &mut x, u: &mut u, p: &mut p };
+    LinearizationBuffer::default().gradients(model, at, &weights, out);
+    for (found, jacobian, width) in
+        [(&x, &jacobians.a, dims.nx), (&u, &jacobians.b, dims.nu), (&p, &jacobians.e, dims.np)]
+    {
+        for (i, found) in found.iter().enumerate() {
+            let (point, column) = (i / width, i % width);
+            let rows = (0..dims.nx).map(|row| point * dims.nx + row);
+            let terms = rows.map(|row| weights[row] * jacobian[row * width + column]);
+            let expected: f64 = terms.sum();
+            let close = (found - expected).abs() <= 1e-12 * (1.0 + expected.abs());
+            assert!(close, "{count} points: {found:e}, {expected:e}");
         }
     }
 }
