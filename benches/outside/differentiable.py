@@ -220,7 +220,10 @@ def main():
     threads = int(sys.argv[1]) if len(sys.argv) > 1 else os.cpu_count()
     a, b, offset, states = problem()
     m, n, c = equation(a, b, offset)
-    head = "umax,plans pinc,plans acados,gradients pinc,gradients acados,inputs differ,gradients differ"
+    head = (
+        "umax,plans by PINC,plans by acados,with gradients by PINC,with gradients by acados,"
+        "inputs differ by,gradients differ by"
+    )
     lines = [head]
     for umax in (1e4, 1.0):
         batch, names = controllers(m, n, c, umax, threads)
