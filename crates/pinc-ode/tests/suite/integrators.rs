@@ -2,7 +2,9 @@
 
 use crate::common::{Oscillator, distance, flows, linearize, order};
 use pinc_ad::{Scalar, central_difference};
-use pinc_ode::{DynPlant, Gradients, Integrator, LinearizationBuffer, Plant, Stages, Variable};
+use pinc_ode::{
+    DynPlant, Gradients, Integrator, LinearizationBuffer, Model, Plant, Stages, Variable,
+};
 use pinc_plants::FourTanks;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
