@@ -408,7 +408,7 @@ fn yes() -> bool {
     true
 }
 
-pub(crate) fn integer_programs() -> usize {
+fn integer_programs() -> usize {
     200
 }
 

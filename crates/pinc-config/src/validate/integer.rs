@@ -23,15 +23,7 @@ pub(super) fn whole(control: &ControlSpec, variables: &Variables) -> Checked {
         }
     }
     if control.integer.is_empty() {
-        let is_set = control.integer_programs != crate::control::integer_programs();
-        return match is_set {
-            true => value(
-                "control.integer_programs",
-                control.integer_programs,
-                "no such key without control.integer",
-            ),
-            false => Ok(()),
-        };
+        return Ok(());
     }
     let others = [
         ("sqp.real_time", control.sqp.real_time),

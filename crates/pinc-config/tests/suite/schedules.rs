@@ -287,10 +287,6 @@ fn contradictions_are_refused() {
             "`control.cost.parameters.pi`: the name `pi` is taken: the number pi",
         ),
         (
-            &["control.integer_programs=9"],
-            "`control.integer_programs`: 9 given, expected no such key",
-        ),
-        (
             &["control.first_plan={ input = [9.0] }"],
             "`control.first_plan.input[0]`: 9 given, expected from input_low = -1 to input_high = 1",
         ),

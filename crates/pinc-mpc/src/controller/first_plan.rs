@@ -3,7 +3,7 @@
 use super::Nmpc;
 use crate::error::check_finite;
 use crate::guess::{Guess, Phase};
-use crate::sqp::Outcome;
+use crate::sqp::{Outcome, PlanState};
 use crate::{Bounds, MpcError, SqpStatus};
 
 /// A plan replaces another one if it is cheaper by this part of the cost: the same minimum, found
@@ -36,6 +36,15 @@ impl Nmpc {
     /// Whether the states of a first guess follow from its inputs: with an economic cost.
     pub(super) fn rolls_out(&self) -> bool {
         self.sqp.transcription.leaves_out_hessian() && self.problem.tree().is_chain()
+    }
+
+    /// Whether a guess led where the model has no value or, `rolled_out`, far from any solution, so that
+    /// a plan at rest is the better beginning.
+    pub(super) fn is_lost(&self, outcome: &Outcome, rolled_out: bool) -> bool {
+        let far = outcome.last.max() > self.config.tolerance.sqrt();
+        let unknown = self.plan_state != PlanState::Evaluated;
+        (outcome.status == SqpStatus::NumericalTrouble && (unknown || rolled_out))
+            || (outcome.status == SqpStatus::Stalled && rolled_out && far)
     }
 
     /// Begins the first plan at `x`.

@@ -419,9 +419,8 @@ impl Nmpc {
             self.prepare_linearization();
         }
         let mut outcome = planned.unwrap_or_else(|| self.optimize(reference, expired));
-        let unknown = self.plan_state != PlanState::Evaluated;
         let rolled_out = is_cold && self.rolls_out();
-        if outcome.status == SqpStatus::NumericalTrouble && (unknown || rolled_out) {
+        if self.is_lost(&outcome, rolled_out) {
             if rolled_out {
                 self.plan.copy_from(&self.fallback);
             }

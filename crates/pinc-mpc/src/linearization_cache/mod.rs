@@ -1,5 +1,8 @@
 //! The model along a plan.
 
+#[cfg(test)]
+mod tests;
+
 use crate::horizon::Horizon;
 use crate::{NmpcProblem, Scenarios};
 use pinc_ode::{Dims, Linearization, Model, Stages};
@@ -239,77 +242,5 @@ impl StageBlocks {
 
     fn is_finite(&self) -> bool {
         all_finite(&self.next) && all_finite(&self.a) && all_finite(&self.b)
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::Weights;
-
-    /// x\[k+1\] = x + u^2
-    #[derive(Debug)]
-    struct Square;
-
-    impl Model for Square {
-        fn dims(&self) -> Dims {
-            Dims::new(1, 1)
-        }
-
-        fn sample_time_s(&self) -> f64 {
-            1.0
-        }
-
-        fn step(&mut self, x: &[f64], u: &[f64], _p: &[f64], next: &mut [f64]) {
-            next[0] = x[0] + u[0] * u[0];
-        }
-
-        fn linearize(&mut self, at: Stages<'_>, out: Linearization<'_>) {
-            for (k, (x, u)) in at.x.iter().zip(at.u).enumerate() {
-                (out.next[k], out.a[k], out.b[k]) = (x + u * u, 1.0, 2.0 * u);
-            }
-        }
-    }
-
-    /// A plan shifted by one stage is known except at its ends; one with the same states and other
-    /// inputs, or the same inputs and other states, is not.
-    #[test]
-    fn only_a_plan_with_the_same_states_and_inputs_is_known() {
-        let dims = OcpDims {
-            nx: 1,
-            nu: 1,
-            horizon: 4,
-            n_controls: 4,
-            n1: 1,
-            inequalities: 0,
-            equalities: 0,
-            outputs: 0,
-            feedthrough: 0,
-            tree: pinc_qp::Tree::CHAIN,
-        };
-        let (x, u) = ([0.1, 0.2, 0.3, 0.4], [1.0, 2.0, 3.0, 4.0]);
-        let moved = [0.2, 0.3, 0.4, 0.7];
-        for (x0, states, inputs, evaluated) in [
-            (0.1, moved, [2.0, 3.0, 4.0, 9.0], 2),
-            (0.1, moved, [2.0, 3.5, 4.0, 9.0], 4),
-            (0.1, [0.2, 0.35, 0.4, 0.7], [2.0, 3.0, 4.0, 9.0], 4),
-        ] {
-            let weights = Weights::uniform(vec![1.0], vec![1.0]);
-            let problem = NmpcProblem::new(Dims::new(1, 1), 4, weights);
-            let mut cache = LinearizationCache::new(dims, &problem);
-            let model: Box<dyn Model> = Box::new(Square);
-            let mut horizon = Horizon::new(vec![(model, 4)], 4, dims.tree).unwrap();
-            assert!(cache.follow(&mut horizon, [&[0.0], &[x, u].concat()], &mut || false));
-            assert_eq!(cache.evaluated, 4);
-            let plan = [states, inputs].concat();
-            assert!(cache.follow(&mut horizon, [&[x0], &plan], &mut || false));
-            assert_eq!(cache.evaluated, 4 + evaluated, "{states:?} {inputs:?}");
-            let [next, _, b] = cache.parts();
-            let from = [&[x0], &states[..3]].concat();
-            for k in 0..4 {
-                assert_eq!(next[k].to_bits(), (from[k] + inputs[k] * inputs[k]).to_bits());
-                assert_eq!(b[k].to_bits(), (2.0 * inputs[k]).to_bits());
-            }
-        }
     }
 }
