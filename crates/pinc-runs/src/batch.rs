@@ -42,17 +42,13 @@ impl BatchController {
             ("control.first_plan", spec.first_plan.is_some()),
             ("control.target", spec.target),
             ("control.uncertainty", spec.uncertainty.is_some()),
+            ("control.outside_domain = \"refuse\"", chosen.refuses_outside()),
         ];
         if let Some(key) = first(of_a_loop) {
             let problem = format!(
-                "steps of a batch have no time, no earlier plan and no estimator, but the config has \
-                 `{key}`"
+                "steps of a batch have no time, earlier plan, estimator or watch on the domain, but the \
+                 config has `{key}`"
             );
-            return Err(RunError::usage(format!("`{command}`"), problem));
-        }
-        if chosen.refuses_outside() {
-            let problem = "a batch does not look where its net is used, but the config has \
-                           `control.outside_domain = \"refuse\"`";
             return Err(RunError::usage(format!("`{command}`"), problem));
         }
         let make = || setup.judged_controller(chosen.kind, &*chosen.plant).map(|(nmpc, _)| nmpc);

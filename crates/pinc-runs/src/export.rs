@@ -207,8 +207,7 @@ pub fn export_controller_with(
     let judged = chosen.net().is_some() && !spec.error_tolerance.is_empty();
     let mut content = experiment.to_toml().into_bytes();
     content.extend(chosen.given.iter().flat_map(|(bytes, _)| bytes));
-    let proven = chosen.net().and_then(|net| matching(experiment, net).ok());
-    let proven = proven.map(|of| of.to_string());
+    let proven = chosen.net().and_then(|net| Some(matching(experiment, net).ok()?.to_string()));
     let origin = Origin { proven, ..origin(&content, &*plant) };
     let controller = Controller {
         problem: &NmpcProblem {
@@ -352,8 +351,7 @@ pub fn export_plant(
         ("control.plant_schedule", !control.plant_schedule.is_empty()),
     ] {
         if is_there {
-            let problem =
-                format!("the FMU of a plant has its equations alone; use a config without {key}");
+            let problem = format!("the FMU of a plant has no {key}; use a config without it");
             return Err(RunError::usage(&experiment.name, problem));
         }
     }

@@ -305,7 +305,8 @@ fn all_targets_are_written() {
         "control.plant_schedule=[{ start_s = 0.0, values = { mu = 1.5 } }]",
     ] {
         let key = set.split('=').next().unwrap();
-        export(&["fmu", config, "--plant", "--set", set]).assert_refused(&[key, "FMU of a plant"]);
+        export(&["fmu", config, "--plant", "--set", set])
+            .assert_refused(&[key, "the FMU of a plant has no"]);
     }
     let outside = "control.outside_domain=refuse";
     let arguments = ["c", config, "--only", "pinc", "--model", model, "--set", outside];

@@ -198,5 +198,6 @@ end_state = { x0 = -1.320807011302381 }
 initial_input = { u0 = 0.0, stretch = 1.0 }
 "#;
     let cost = first_cost(text);
-    assert!((cost + 16.574_483_232).abs() < 1e-6, "{cost}");
+    // IPOPT's from the same inputs; there are lower minima.
+    assert!(cost < -16.574_482, "{cost}");
 }

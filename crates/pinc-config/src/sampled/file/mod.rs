@@ -1,5 +1,8 @@
 //! CSV files of schedules.
 
+#[cfg(test)]
+mod tests;
+
 use super::{Checked, Grid, Signal};
 use crate::problem::{Problem, nearest};
 use crate::validate::limits;
@@ -132,19 +135,4 @@ fn rows(text: &[u8]) -> Result<(Vec<String>, Rows), (u64, String)> {
         }
     }
     Ok((header, rows))
-}
-
-#[cfg(test)]
-mod tests {
-    use super::rows;
-
-    #[test]
-    fn rows_know_their_lines_whatever_ends_them() {
-        for end in ["\n", "\r\n"] {
-            let text = ["t,x", "0,1", "", "1,2", "2,abc", ""].join(end);
-            assert_eq!(rows(text.as_bytes()).unwrap_err().0, 5, "{end:?}");
-            let lines = rows(text.replace("abc", "3").as_bytes()).unwrap().1;
-            assert_eq!(lines.iter().map(|(line, _)| *line).collect::<Vec<_>>(), [2, 4, 5]);
-        }
-    }
 }

@@ -1,0 +1,40 @@
+//! Nets that trials share.
+
+use super::*;
+use crate::{Plants, trials};
+use std::path::Path;
+
+/// The trials of a sweep of three oscillators, with the parameters that the net takes.
+fn oscillators(parameters: &str) -> Vec<Trial> {
+    let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../../configs/smoke/van-der-pol.toml");
+    let text = std::fs::read_to_string(path).unwrap();
+    let sweep = "\n[[sweep.grid]]\nkey = \"plant.van-der-pol.mu\"\nvalues = [0.6, 0.9, 1.2]\n";
+    let text = text.replace("[training]", &format!("{parameters}\n[training]")) + sweep;
+    let experiment = Experiment::parse(Path::new("a.toml"), &text, &[], &Plants::built_in());
+    trials(&experiment.unwrap()).unwrap()
+}
+
+#[test]
+fn trials_over_parameters_that_the_net_takes_share_it() {
+    let apart = oscillators("");
+    let units: HashSet<_> = apart.iter().map(Trial::unit).collect();
+    assert_eq!(units.len(), 3);
+    let said = nets_of_parameters(&apart).unwrap();
+    assert!(said.contains("3 nets for 3 trials"), "{said}");
+    assert!(said.contains("[domain.parameters] mu = [0.6, 1.2]"), "{said}");
+    let together = oscillators("[domain.parameters]\nmu = [0.5, 1.5]\n");
+    let units: HashSet<_> = together.iter().map(Trial::unit).collect();
+    assert_eq!(units.len(), 1);
+    let ids: HashSet<_> = together.iter().map(|trial| &trial.id).collect();
+    assert_eq!(ids.len(), 3, "the loops differ");
+    let told: Vec<_> = together.iter().map(|trial| trial.experiment.model_parameters()).collect();
+    assert_eq!(told, [[0.6], [0.9], [1.2]]);
+    let said = nets_of_parameters(&together).unwrap();
+    assert_eq!(said, "3 trials share one net with the inputs mu");
+}
+
+#[test]
+fn nothing_is_reported_where_no_parameter_differs() {
+    assert_eq!(nets_of_parameters(&oscillators("")[..1]), None);
+    assert_eq!(nets_of_parameters(&[]), None);
+}
