@@ -284,16 +284,11 @@ impl Lists<'_> {
                 let Some(Value::Table(given)) = at(self.table, &key) else { continue };
                 let old = given.clone();
                 for name in names {
-                    let array = Variable::split_name(name).and_then(|(array, _)| old.get(array));
-                    let Some(value) = array else { continue };
+                    let Some((array, _)) = Variable::split_name(name) else { continue };
+                    let Some(value) = old.get(array) else { continue };
+                    given.remove(array);
                     given.entry(name.clone()).or_insert_with(|| value.clone());
                 }
-                given.retain(|name, _| {
-                    let is_array = |of: &String| {
-                        Variable::split_name(of).is_some_and(|(array, _)| array == name)
-                    };
-                    !names.iter().any(is_array)
-                });
                 if *given != old {
                     self.written.push((key, Value::Table(old)));
                 }

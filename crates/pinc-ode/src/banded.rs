@@ -19,8 +19,9 @@ use pinc_ad::simd::{Isa, Simd, Task};
 /// matrix.solve(&mut x);
 /// assert_eq!(x, [2.0, 1.0]);
 /// ```
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug)]
 pub struct Banded {
+    isa: Isa,
     size: usize,
     /// Entries below the diagonal, and above it.
     below: usize,
@@ -31,6 +32,14 @@ pub struct Banded {
     /// The factors below the diagonal, column by column: `[size, below]`.
     factors: Vec<f64>,
     order: Vec<usize>,
+}
+
+/// A matrix without rows.
+impl Default for Banded {
+    fn default() -> Self {
+        let (entries, factors, order) = Default::default();
+        Self { isa: Isa::detect(), size: 0, below: 0, above: 0, entries, factors, order }
+    }
 }
 
 impl Banded {
@@ -104,7 +113,7 @@ impl Banded {
     /// Replaces the entries by the factors, with exchange of rows. Returns whether the matrix is
     /// regular and finite.
     pub fn factor(&mut self) -> bool {
-        Isa::detect().dispatch(Factor(self))
+        self.isa.dispatch(Factor(self))
     }
 
     /// Returns the largest absolute reciprocal of the factors' pivots: infinite or large for a
@@ -151,7 +160,7 @@ impl Banded {
 
     /// Solves with the factors: `b`, of length `size`, becomes the solution.
     pub fn solve(&self, b: &mut [f64]) {
-        Isa::detect().dispatch(Solve(self, b));
+        self.isa.dispatch(Solve(self, b));
     }
 }
 
@@ -175,7 +184,7 @@ impl Task for Solve<'_> {
 
     #[inline(always)]
     fn run<V: Simd>(self, _: V) {
-        let Self(Banded { size, below, above, entries, factors, order }, b) = self;
+        let Self(Banded { size, below, above, entries, factors, order, .. }, b) = self;
         let (n, below, reach) = (*size, *below, above + below);
         for (k, &pivot) in order.iter().enumerate() {
             b.swap(k, pivot);

@@ -190,8 +190,8 @@ pub fn advice(status: &str) -> &'static str {
         "Allow more of control.sqp.max_iterations, try control.sqp.hessian = \"adaptive\", shorten T, or \
          move the references in smaller steps."
     } else if is(SqpStatus::NumericalTrouble) {
-        "The model or the cost gave no numbers that can be used, or the QP method failed on them: give it more \
-         substeps, or take \"rosenbrock\" for a stiff plant; a net should be trained on all of the box \
+        "The model or the cost gave no numbers that can be used, or the QP method failed on them: give \
+         the model more substeps, or take \"rosenbrock\" for a stiff plant; a net should be trained on all of the box \
          where the loop goes; leave control.sqp.qp at \"auto\"."
     } else if is(SqpStatus::Stalled) {
         "The plans are as good as rounding or a kink of the model allows: raise control.sqp.tolerance, \

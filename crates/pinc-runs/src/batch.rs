@@ -46,7 +46,7 @@ impl BatchController {
         ];
         if let Some(key) = first(of_a_loop) {
             let problem = format!(
-                "steps of a batch have no time, earlier plan, estimator or watch on the domain, but the \
+                "steps of a batch have no time, earlier plan, estimator or check of the domain, but the \
                  config has `{key}`"
             );
             return Err(RunError::usage(format!("`{command}`"), problem));

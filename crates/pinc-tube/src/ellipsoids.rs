@@ -279,33 +279,25 @@ impl EllipsoidTube {
         parameters.map(|of| by_p[of.place].abs() * farthest(of)).sum()
     }
 
-    /// Writes how far the outputs may be from the plan where the input of stage `j` begins to act:
-    /// their deviations are (C + D K) times the state's.
-    fn start_outputs(&mut self, j: usize, along: AlongPlan<'_>, to: &mut [f64]) {
+    /// Linearizes the outputs at an end of stage `j`, and writes how far they may be from the plan for
+    /// what is known at its start: there (C + D K) times the state's deviation, at its end D K times it;
+    /// and what comes from the parameters directly.
+    fn begin_outputs(&mut self, j: usize, along: AlongPlan<'_>, end: IntervalEnd, to: &mut [f64]) {
         let Dims { nx: n, nu, .. } = self.dims;
-        self.linearize_outputs(j, along, IntervalEnd::Start);
+        self.linearize_outputs(j, along, end);
         let mut row = std::mem::take(&mut self.work.through);
         for (i, to) in to.iter_mut().enumerate() {
             let [_, c, d, _] = &self.work.outputs;
             multiply(&d[i * nu..(i + 1) * nu], self.gains.stage(j), nu, n, &mut row);
-            row.iter_mut().zip(&c[i * n..(i + 1) * n]).for_each(|(row, c)| *row += c);
+            match end {
+                IntervalEnd::Start => {
+                    row.iter_mut().zip(&c[i * n..(i + 1) * n]).for_each(|(row, c)| *row += c);
+                }
+                IntervalEnd::End => {}
+            }
             *to = self.width(&row, j) + self.direct(i);
         }
         self.work.through = row;
-    }
-
-    /// Linearizes the outputs at the end of stage `j`, and writes what of their deviations comes through
-    /// its input and directly from the parameters.
-    fn begin_outputs(&mut self, j: usize, along: AlongPlan<'_>, to: &mut [f64]) {
-        let Dims { nx: n, nu, .. } = self.dims;
-        self.linearize_outputs(j, along, IntervalEnd::End);
-        let mut through = std::mem::take(&mut self.work.through);
-        for (i, to) in to.iter_mut().enumerate() {
-            let d = &self.work.outputs[2];
-            multiply(&d[i * nu..(i + 1) * nu], self.gains.stage(j), nu, n, &mut through);
-            *to = self.width(&through, j) + self.direct(i);
-        }
-        self.work.through = through;
     }
 
     /// Adds what comes through the state.
@@ -339,11 +331,11 @@ impl Tube for EllipsoidTube {
             }
             let (at, jacobians) = along.stage(j);
             if let Some(starts) = back_offs.starts.get_mut(j * ny..(j + 1) * ny) {
-                self.start_outputs(j, along, starts);
+                self.begin_outputs(j, along, IntervalEnd::Start, starts);
             }
             let outputs = &mut back_offs.outputs[j * ny..(j + 1) * ny];
             if ny > 0 {
-                self.begin_outputs(j, along, outputs);
+                self.begin_outputs(j, along, IntervalEnd::End, outputs);
             }
             self.propagate(j, at, jacobians);
             for i in 0..n {

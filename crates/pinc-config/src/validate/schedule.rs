@@ -55,9 +55,9 @@ fn bounds(spec: &ControlSpec, variables: &Variables) -> Checked {
     let names = [variables.state_names(), variables.input_names(), variables.own_output_names()];
     let mut now: BTreeMap<(&str, usize), f64> = BTreeMap::new();
     for (i, step) in spec.bound_schedule.iter().enumerate() {
-        let sides = step.sides().into_iter().zip(names.iter().cycle());
-        let mut given = Vec::new();
-        for ((side, bounds), known) in sides {
+        let (sides, mut given) = (step.sides(), Vec::new());
+        for (at, ((side, bounds), known)) in sides.into_iter().zip(names.iter().cycle()).enumerate()
+        {
             for (name, &number) in bounds {
                 let key = format!("{BOUNDS}[{i}].{side}.{name}");
                 let place = place(&key, name, known)?;
@@ -66,17 +66,15 @@ fn bounds(spec: &ControlSpec, variables: &Variables) -> Checked {
                     return value(&key, number, &expected);
                 }
                 now.insert((side, place), number);
-                given.push((key, side, place, number));
+                given.push((key, at, place, number));
             }
         }
-        for (key, side, place, number) in given {
-            let (of, is_low) = match side.strip_suffix("low") {
-                Some(of) => (of, true),
-                None => (side.trim_end_matches("high"), false),
-            };
-            let other = format!("{of}{}", if is_low { "high" } else { "low" });
-            let bound = now.get(&(other.as_str(), place)).copied();
-            let bound = bound.unwrap_or_else(|| spec.bound(&other, place));
+        for (key, at, place, number) in given {
+            // Upper bounds come after all lower ones.
+            let is_low = at < names.len();
+            let (other, _) = sides[(at + names.len()) % sides.len()];
+            let bound = now.get(&(other, place)).copied();
+            let bound = bound.unwrap_or_else(|| spec.bound(other, place));
             let crossed = if is_low { number > bound } else { number < bound };
             if crossed && bound.is_finite() {
                 let limit = if is_low { "at most" } else { "at least" };

@@ -33,7 +33,7 @@ impl Transcription {
 
     /// Tightens the bounds of a plan from `x0`, of which `z` is the first guess, along the points
     /// where the model was linearized last: the plan of the step before, unless the guess `is_known`
-    /// there; whether bounds changed.
+    /// there; whether bounds changed. Where the model has no value there, they stay as they are.
     pub(crate) fn tighten(
         &mut self,
         horizon: &mut Horizon,
