@@ -125,7 +125,8 @@ pub(crate) fn controller_sources(
     t.set("DENSE", include_str!("../templates/mpc_dense.c"))
         .set("CONDENSE", include_str!("../templates/mpc_condense.c"))
         .set("SQP", include_str!("../templates/mpc_sqp.c"))
-        .set("CHANGE", include_str!("../templates/mpc_change.c"));
+        .set("CHANGE", include_str!("../templates/mpc_change.c"))
+        .set("SENSITIVITY", include_str!("../templates/mpc_sensitivity.c"));
     files.push(t.file("mpc.h", include_str!("../templates/mpc.h")));
     files.push(t.file("mpc.c", include_str!("../templates/mpc.c")));
     if let Some(estimation) = controller.estimator {

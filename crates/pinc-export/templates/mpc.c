@@ -154,4 +154,4 @@ static int pinc_expired(pinc_mpc *m)
 @DENSE@
 @CONDENSE@
 @PLANT@@OUTPUTS@@SQP@
-@CHANGE@
+@CHANGE@@SENSITIVITY@

@@ -294,6 +294,54 @@ void pinc_reference(double t_s, PINC_REAL rows[PINC_N2 * PINC_NY]);
 pinc_status pinc_mpc_step(pinc_mpc *m, const PINC_REAL x[PINC_NX],
                           const PINC_REAL reference[PINC_N2 * PINC_NY], PINC_REAL u[PINC_NU]);
 
+#ifdef PINC_SENSITIVITY
+/** Whether the input of a step is a differentiable function of what the step was given. */
+typedef enum {
+    /** It is. */
+    PINC_REGULAR = 0,
+    /** A constraint is about to become active or inactive; the derivatives are those of the side on
+        which it is inactive. */
+    PINC_KINK = 1,
+    /** Active constraints depend on each other, or the cost does not determine the plan; the
+        derivatives are NaN. */
+    PINC_SINGULAR = 2,
+    /** The step did not converge, or was given something else than is said here. */
+    PINC_NOT_OPTIMAL = 3
+} pinc_regularity;
+
+/** The derivatives of the input that a step chose, in the plant's units. */
+typedef struct {
+    /** In x, PINC_NU rows of PINC_NX numbers; with a delay, in the state predicted for the time at
+        which the input acts. */
+    PINC_REAL by_state[PINC_NU * PINC_NX];
+    /** In the input applied before it, PINC_NU rows of PINC_NU numbers. */
+    PINC_REAL by_applied[PINC_NU * PINC_NU];
+    /** In the reference, PINC_NU rows of PINC_N2 rows of PINC_NY numbers. */
+    PINC_REAL by_reference[PINC_NU * PINC_N2 * PINC_NY];
+    /* The rest is private. */
+    PINC_REAL matrix[4 * PINC_INPUTS * PINC_INPUTS];
+    PINC_REAL right[2 * PINC_INPUTS * (PINC_NX + (2 * PINC_NU))];
+    PINC_REAL z[PINC_UNKNOWNS];
+    PINC_REAL direction[PINC_UNKNOWNS];
+    PINC_REAL change[PINC_UNKNOWNS];
+    PINC_REAL values[PINC_INPUTS];
+    PINC_REAL size[PINC_NX + PINC_NU];
+    PINC_REAL previous[PINC_NU];
+    int rows[PINC_INPUTS];
+    int upper[PINC_INPUTS];
+    int active;
+} pinc_sensitivity;
+
+/**
+ * Differentiates the input of the last step, which was given `reference` and found u_before applied
+ * last, with the exact Hessian of the Lagrangian, by central differences of its gradient: as much
+ * work as 2 (PINC_INPUTS + PINC_NX + PINC_NU) evaluations of the model and its Jacobians along the
+ * horizon, whatever the budget. The steps that follow are as without it.
+ */
+pinc_regularity pinc_mpc_sensitivity(pinc_mpc *m, const PINC_REAL reference[PINC_N2 * PINC_NY],
+                                     const PINC_REAL u_before[PINC_NU], pinc_sensitivity *s);
+#endif
+
 /** The word for a status, as "converged". */
 const char *pinc_status_name(pinc_status status);
 

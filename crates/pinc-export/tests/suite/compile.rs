@@ -170,7 +170,9 @@ impl Sources {
     #[track_caller]
     pub(crate) fn assert_portable(&self, name: &str) -> String {
         for number in ["double", "float"] {
-            let real = format!("-D{}_REAL={number}", name.to_uppercase());
+            let prefix = name.to_uppercase();
+            let real = format!("-D{prefix}_REAL={number}");
+            let whole_code = [real.as_str(), &format!("-D{prefix}_SENSITIVITY")];
             let selftest = format!("{name}_selftest.c");
             let mut objects = Vec::new();
             for source in self.library.iter().chain([&selftest]) {
@@ -180,7 +182,7 @@ impl Sources {
                 if *source != selftest {
                     self.assert_self_contained(name, &object);
                 }
-                self.assert_clean_elsewhere(source, &real);
+                self.assert_clean_elsewhere(source, whole_code);
                 objects.push(object);
             }
             let program = format!("selftest-{number}");
@@ -197,12 +199,12 @@ impl Sources {
 
     /// Clean as C for clang and as C++, where the machine has these.
     #[track_caller]
-    fn assert_clean_elsewhere(&self, source: &str, real: &str) {
+    fn assert_clean_elsewhere(&self, source: &str, [real, more]: [&str; 2]) {
         let has = |program: &str| {
             let found = Command::new(program).arg("--version").stdout(Stdio::null()).status();
             found.is_ok_and(|status| status.success())
         };
-        let options = ["-fsyntax-only", "-I.", real];
+        let options = ["-fsyntax-only", "-I.", real, more];
         if has("clang") {
             self.run(Command::new("clang").args(options).args(STRICT).arg(source));
         }

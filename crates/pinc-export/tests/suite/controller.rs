@@ -228,7 +228,7 @@ impl Case {
     }
 
     /// What is tracked, in this state.
-    fn tracked_at(&self, x: &[f64]) -> Vec<f64> {
+    pub(crate) fn tracked_at(&self, x: &[f64]) -> Vec<f64> {
         let mut model = self.model();
         let Dims { nu, np, ny, .. } = model.dims();
         let mut outputs = vec![0.0; ny];

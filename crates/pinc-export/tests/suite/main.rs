@@ -11,6 +11,7 @@ mod guard;
 mod net;
 mod refusals;
 mod rust_plants;
+mod sensitivity;
 mod start;
 mod variants;
 mod wrappers;
