@@ -34,8 +34,9 @@ pub(crate) fn share<W: Send, R: Send>(
             done.push((first, (first..last).map(|item| job(worker, item)).collect::<Vec<R>>()));
         }
     };
+    let most = items.div_ceil(AT_ONCE).clamp(1, workers.len());
     let mut parts = thread::scope(|scope| {
-        let (own, others) = workers.split_at_mut(1);
+        let (own, others) = workers[..most].split_at_mut(1);
         let others: Vec<_> = others.iter_mut().map(|worker| scope.spawn(|| work(worker))).collect();
         let mut parts: Vec<_> = own.iter_mut().flat_map(&work).collect();
         for other in others {

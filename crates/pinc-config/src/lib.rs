@@ -89,4 +89,4 @@ pub use uncertainty::{
     FeedbackSpec, FeedbackWord, NetErrorSpec, NetErrorWord, ProbabilitySpec, TubeParts,
     UncertaintySpec, WorstCase,
 };
-pub use validate::limits::STEPS as MOST_STEPS;
+pub use validate::limits::{STEPS as MOST_STEPS, THREADS as MOST_THREADS};

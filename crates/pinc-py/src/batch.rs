@@ -6,6 +6,7 @@ use crate::errors::{input, of_mpc, of_run};
 use crate::gradient::by_name;
 use numpy::{PyArrayDyn, PyUntypedArrayMethods};
 use pinc_batch::{LoopTrace, Situations};
+use pinc_config::MOST_THREADS;
 use pinc_mpc::Reference;
 use pinc_runs::BatchController;
 use pyo3::prelude::*;
@@ -89,6 +90,9 @@ impl Arguments {
 
 impl NmpcBatch {
     fn make(origin: Origin, threads: usize) -> PyResult<Self> {
+        if threads > MOST_THREADS {
+            return Err(input(format!("threads: {threads} given, expected {MOST_THREADS} at most")));
+        }
         let controller = origin.make(|experiment, model, only| {
             BatchController::new(experiment, model, only, threads, "pinc.NmpcBatch")
         })?;
@@ -97,6 +101,11 @@ impl NmpcBatch {
 
     fn lock(&self) -> MutexGuard<'_, BatchController> {
         self.controller.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// m
+    fn inputs(&self) -> usize {
+        self.lock().batch().nmpc().model().dims().nu
     }
 
     /// Reads the arguments of a batch of steps.
@@ -170,7 +179,7 @@ impl NmpcBatch {
     ) -> PyResult<StepBatch> {
         let given = self.arguments(&x, &reference, u_before.as_ref(), parameters.as_ref())?;
         let steps = py.detach(|| self.lock().batch_mut().steps(given.at()));
-        step_batch(py, steps.map_err(of_mpc)?, given.steps)
+        step_batch(py, steps.map_err(of_mpc)?, [given.steps, self.inputs()])
     }
 
     #[doc = doc!("NmpcBatch.gradients")]
@@ -202,7 +211,7 @@ impl NmpcBatch {
         Ok(GradientBatch {
             values: by_name(py, &found.gradients, Some(given.steps))?,
             regularity: found.regularities.iter().map(ToString::to_string).collect(),
-            steps: Py::new(py, step_batch(py, found.steps, given.steps)?)?,
+            steps: Py::new(py, step_batch(py, found.steps, [given.steps, self.inputs()])?)?,
         })
     }
 
@@ -300,8 +309,11 @@ fn shared_rows(given: &Given<'_>, name: &str, width: usize, count: usize) -> PyR
     }
 }
 
-fn step_batch(py: Python<'_>, found: pinc_batch::StepBatch, steps: usize) -> PyResult<StepBatch> {
-    let m = found.u.len() / steps.max(1);
+fn step_batch(
+    py: Python<'_>,
+    found: pinc_batch::StepBatch,
+    [steps, m]: [usize; 2],
+) -> PyResult<StepBatch> {
     let controls = found.inputs.len() / (steps * m).max(1);
     Ok(StepBatch {
         u: array(py, found.u, Some(steps), &[m])?.unbind(),

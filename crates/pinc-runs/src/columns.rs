@@ -15,6 +15,11 @@ pub(super) fn rows(text: &[u8]) -> Result<(StringRecord, impl Iterator<Item = Ro
     let syntax =
         |error: csv::Error| (csv_line(text, error.position()), format!("not a CSV file: {error}"));
     let header = reader.headers().map_err(syntax)?.clone();
+    if let Some(twice) =
+        header.iter().enumerate().find(|(i, of)| header.iter().take(*i).any(|c| c == *of))
+    {
+        return Err((1, format!("column `{}` is given more than once", twice.1)));
+    }
     let rows = reader.into_records().map(move |row| {
         let row = row.map_err(syntax)?;
         Ok((csv_line(text, row.position()), row))
@@ -22,14 +27,10 @@ pub(super) fn rows(text: &[u8]) -> Result<(StringRecord, impl Iterator<Item = Ro
     Ok((header, rows))
 }
 
-/// Where each of `names` stands in a header, which has to have these and no others, each once.
+/// Where each of `names` stands in a header, which has to have these and no others.
 pub(super) fn places(header: &StringRecord, names: &[String]) -> Result<Vec<usize>, String> {
-    for (i, column) in header.iter().enumerate() {
-        let known = names.iter().any(|name| name == column);
-        if !known || header.iter().take(i).any(|before| before == column) {
-            let expected = names.join(",");
-            return Err(format!("column `{column}` is unexpected; expected {expected}, each once"));
-        }
+    if let Some(column) = header.iter().find(|column| names.iter().all(|name| name != column)) {
+        return Err(format!("column `{column}` is unexpected; expected {}", names.join(",")));
     }
     names.iter().map(|name| place(header, name, names)).collect()
 }

@@ -17,6 +17,16 @@ pub enum VerifyError {
     /// A black box says nothing of its equation.
     #[error("the plant is a black box: it has no equation to compare the net with")]
     NoEquation,
+    /// The net is one of another plant.
+    #[error("{what} of the model: {net}; of the plant: {plant}")]
+    OtherPlant {
+        /// States or inputs.
+        what: &'static str,
+        /// The net's names.
+        net: String,
+        /// The plant's.
+        plant: String,
+    },
     /// There is no integrator to compare a distilled net with.
     #[error("a distilled net is compared with an integrator: {0}")]
     Reference(#[source] OdeError),

@@ -16,7 +16,7 @@
 use crate::VerifyError;
 use pinc_ad::simd::{Isa, Simd, Task, Work, tanh_all};
 use pinc_net::{FoldedNet, PincModel, PincNet, TrainingTarget};
-use pinc_ode::{DynPlant, Integrator, Model, VECTOR_DIRECTIONS, VectorDual, VectorRhs};
+use pinc_ode::{DynPlant, Integrator, Model, VECTOR_DIRECTIONS, Variable, VectorDual, VectorRhs};
 use std::fmt::Debug;
 
 /// Nodes of the quadrature, and evaluations of the net: a multiple of the lanes of all vectors.
@@ -80,8 +80,8 @@ impl ErrorEstimate {
     ///
     /// # Errors
     ///
-    /// [`VerifyError::NoEquation`] if the plant is a black box; [`VerifyError::Net`] if the net knows
-    /// one scenario only.
+    /// [`VerifyError::NoEquation`] if the plant is a black box; [`VerifyError::OtherPlant`] if its states
+    /// or inputs are not the net's; [`VerifyError::Net`] if the net knows one scenario only.
     pub fn new(net: &PincNet, plant: &dyn DynPlant) -> Result<Self, VerifyError> {
         Self::at(net, plant, net.sample_time_s())
     }
@@ -95,6 +95,17 @@ impl ErrorEstimate {
     pub fn at(net: &PincNet, plant: &dyn DynPlant, t: f64) -> Result<Self, VerifyError> {
         if plant.black_box().is_some() {
             return Err(VerifyError::NoEquation);
+        }
+        let names =
+            |of: &[Variable]| of.iter().map(|of| of.name.as_ref()).collect::<Vec<_>>().join(", ");
+        for (what, net, plant) in [
+            ("states", net.state_names(), names(plant.states())),
+            ("inputs", net.input_names(), names(plant.inputs())),
+        ] {
+            let net = net.join(", ");
+            if net != plant {
+                return Err(VerifyError::OtherPlant { what, net, plant });
+            }
         }
         let model = PincModel::at(net, t).map_err(VerifyError::Net)?;
         Ok(Self(match net.source() {

@@ -40,8 +40,8 @@ fn metrics(text: &mut String, metrics: &Metrics) -> std::fmt::Result {
         let place = of.max_at.named(&metrics.states, &metrics.inputs);
         writeln!(
             text,
-            "domain      one step in [domain], sampled, in widths: rms {:.1e}, p99 {:.1e}, max {:.1e} \
-             at {place}\n            rms of RK4 there: x1 {:.1e}, x2 {:.1e}, x4 {:.1e}",
+            "domain      one step in [domain], in widths: sampled rms {:.1e}, p99 {:.1e}; largest found \
+             {:.1e} at {place}\n            rms of RK4 there: x1 {:.1e}, x2 {:.1e}, x4 {:.1e}",
             of.rms, of.p99, of.max, of.rk4.one, of.rk4.two, of.rk4.four
         )?;
         let proven = of.proven.to_string();

@@ -25,7 +25,8 @@ const HORIZON: usize = 5000;
 const CONDENSED: usize = 50_000_000;
 /// Times of control steps that are held in memory.
 const TIMES: usize = 100_000_000;
-const THREADS: usize = 1024;
+/// Threads of one program.
+pub const THREADS: usize = 1024;
 /// A thousand seconds, in us.
 const BUDGET_US: f64 = 1e9;
 /// Weights of the cost: their products with squares are to be finite.
@@ -35,6 +36,9 @@ const COST: f64 = 1e100;
 pub(super) fn sizes(experiment: &Experiment, dims: Dims) -> Checked {
     net(experiment, dims)?;
     training(experiment)?;
+    if let Some(substeps) = experiment.identify.as_ref().and_then(|spec| spec.substeps) {
+        at_most("identify.substeps", substeps, PARTS)?;
+    }
     let net_step_s = experiment.net_step_s();
     if let Some(validation) = &experiment.validation {
         let steps = steps_of(net_step_s, "validation.duration_s", validation.duration_s)?;

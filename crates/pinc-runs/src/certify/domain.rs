@@ -1,5 +1,6 @@
 //! The search over the whole domain: any-time, and resumable.
 
+use super::points::Judged;
 use super::subject::Subject;
 use crate::invocation::cores;
 use crate::progress::Stage;
@@ -120,16 +121,38 @@ fn progress(subject: &Subject, bracket: &Bracket) -> String {
     )
 }
 
+/// Counts the errors at points of the domain among the errors found.
+pub(super) fn see_points(
+    of: &mut DomainCertificate,
+    subject: &Subject,
+    points: &[Vec<f64>],
+    judged: &[Judged],
+) {
+    let is_inside = |point: &[f64]| {
+        point.iter().zip(&subject.domain).all(|(v, [low, high])| (low..=high).contains(&v))
+    };
+    for (point, judged) in points.iter().zip(judged).filter(|(point, _)| is_inside(point)) {
+        for (state, error) in subject.states.iter().zip(&judged.error) {
+            let error = error.map_or(0.0, f64::abs);
+            if of.found.get(state).is_some_and(|found| error > *found) {
+                of.found.insert(state.clone(), error);
+                of.at.insert(state.clone(), named(subject, point));
+            }
+        }
+    }
+}
+
+fn named(subject: &Subject, values: &[f64]) -> ByName {
+    subject.variables().into_iter().zip(values.iter().copied()).collect()
+}
+
 fn certificate(subject: &Subject, bracket: &Bracket) -> DomainCertificate {
     let variables = subject.variables();
-    let named = |values: &[f64]| -> ByName {
-        variables.iter().cloned().zip(values.iter().copied()).collect()
-    };
     let states = subject.states.iter().cloned();
     DomainCertificate {
         proven: states.clone().zip(bracket.proven.iter().copied()).collect(),
         found: states.clone().zip(bracket.found.iter().map(|found| found.error)).collect(),
-        at: states.zip(bracket.found.iter().map(|found| named(&found.at))).collect(),
+        at: states.zip(bracket.found.iter().map(|found| named(subject, &found.at))).collect(),
         unproven_volume: bracket.unproven_volume,
         complete: bracket.is_complete,
         leaves: bracket.leaves,

@@ -89,7 +89,10 @@ pub fn certify(
     metrics.estimate_difference_p99 = quantile(99);
     if let (true, Ok(error)) = (what.domain, &subject.error) {
         match domain::search(&subject, error, &run_dir, options, what.budget_s)? {
-            Ok(found) => metrics.domain = Some(found),
+            Ok(mut found) => {
+                domain::see_points(&mut found, &subject, &all, &judged);
+                metrics.domain = Some(found);
+            }
             Err(reason) => metrics.refused = Some(reason),
         }
     }
@@ -197,15 +200,16 @@ pub fn certificate_summary(found: &CertificateMetrics) -> String {
 
 fn domain_summary(domain: &DomainCertificate) -> String {
     let mut text = String::new();
+    let is_whole = domain.unproven_volume <= 0.0;
     for (state, proven) in &domain.proven {
         let found = domain.found.get(state).copied().unwrap_or(0.0);
-        let _ = write!(
-            text,
-            "\n{state}: proven at most {proven:.3e} over the domain, found {found:.3e} (ratio {:.3})",
-            proven / found
-        );
+        let place = if is_whole { "over the domain" } else { "where anything is proven" };
+        let _ = write!(text, "\n{state}: proven at most {proven:.3e} {place}, found {found:.3e}");
+        if is_whole {
+            let _ = write!(text, " (ratio {:.3})", proven / found);
+        }
     }
-    if domain.unproven_volume > 0.0 {
+    if !is_whole {
         let share = 100.0 * domain.unproven_volume;
         let _ = write!(text, "\nnothing is proven in {share:.3} % of the domain's volume");
     }

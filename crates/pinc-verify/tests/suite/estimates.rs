@@ -27,6 +27,16 @@ fn estimate_of_a_linear_plant(ansatz: Ansatz, t: f64) -> f64 {
     worst
 }
 
+#[test]
+fn a_net_of_another_plant_is_refused() {
+    let plant_of =
+        |names: [&str; 2]| equations(&names.map(|name| (name, "u - 0.3"))).to_dyn().unwrap();
+    let domain = Domain::new([-1.0..=1.0, -1.0..=1.0], [-1.0..=1.0]);
+    let net = PincNet::new(&*plant_of(["x", "y"]), &NetConfig::new(0.1, 1, 2), &domain, 3).unwrap();
+    let error = ErrorEstimate::new(&net, &*plant_of(["y", "x"])).unwrap_err();
+    assert_eq!(error.to_string(), "states of the model: x, y; of the plant: y, x");
+}
+
 /// What is left is the trapezoidal rule between the nodes, of the order of T^3 in T.
 #[test]
 fn errors_of_a_linear_plant_are_estimated_but_for_the_transport() {

@@ -77,6 +77,23 @@ fn a_step_is_certified_at_points_and_over_the_domain() {
     assert_eq!(resumed.domain.unwrap().boxes, domain.boxes);
 }
 
+/// A search that is cut short says the errors at points, where they are larger than its own.
+#[test]
+fn the_errors_found_include_the_points() {
+    let dir = tempfile::tempdir().unwrap();
+    let more = ["--points", "400", "--domain", "--budget-s", "1e-6"];
+    let done = outcome(&mut pinc(&arguments(dir.path(), &more)));
+    assert_eq!(done.code, Some(0), "{done:?}");
+    let found = CertificateMetrics::read(&dir.path().join("out")).unwrap().unwrap();
+    let domain = found.domain.unwrap();
+    let rows = rows(dir.path());
+    for (i, state) in ["x1", "x2"].into_iter().enumerate() {
+        let errors = rows.iter().map(|row| row[3 + 2 * i].abs());
+        let largest = errors.fold(0.0, f64::max);
+        assert!(domain.found[state] >= largest, "{domain:?} {largest}");
+    }
+}
+
 /// The points of `--run` are the rows of the trace of the run's loop with this model.
 #[test]
 fn the_loop_of_a_run_is_certified() {

@@ -22,6 +22,7 @@ fn sizes_have_limits() {
         ("model.neurons=100000", "`model.neurons`"),
         ("model.neurons=5000", "`model`: a net of"),
         ("model.neurons=200", "`training.phases[0].optimizer`"),
+        ("identify={parameters=[], substeps=100000}", "`identify.substeps`"),
         ("training.threads=1000000", "`training.threads`"),
         ("training.collocation_points=100000000", "`training.collocation_points`"),
         ("training.initial_points=100000000", "`training.initial_points`"),

@@ -77,7 +77,7 @@ fn csv_mistakes_name_line_and_column() {
     predict_text("").assert_refused(&["in.csv:1: ", "column `scenario` is missing"]);
     let expected = ["in.csv:1: ", "column `v` is unexpected"];
     predict_text("scenario,t,u,v,x1,x2\n").assert_refused(&expected);
-    let expected = ["in.csv:1: ", "column `u` is unexpected", "each once"];
+    let expected = ["in.csv:1: ", "column `u` is given more than once"];
     predict_text("scenario,t,u,u,x1,x2\n").assert_refused(&expected);
 }
 
