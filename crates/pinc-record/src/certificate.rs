@@ -4,6 +4,7 @@ use crate::error::RecordError;
 use crate::files::{file, json, read_json};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
+use std::fmt;
 use std::path::Path;
 
 /// Values of states, inputs and parameters by their names.
@@ -79,5 +80,65 @@ impl CertificateMetrics {
     #[must_use]
     pub fn to_json(&self) -> String {
         json(self)
+    }
+}
+
+/// The results in some lines.
+impl fmt::Display for CertificateMetrics {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}: one step of {} s of {}", self.experiment, self.step_s, self.model)?;
+        if let Some(reason) = &self.refused {
+            write!(f, "\nno proof: {reason}")?;
+        }
+        if self.points > 0 {
+            write!(f, "\n{} points, {} without a bound", self.points, self.unproven_points)?;
+            if let Some(ratio) = self.bound_over_error_median {
+                write!(f, "; median of bound over error {ratio:.3}")?;
+            }
+            if let (Some(median), Some(p99)) =
+                (self.estimate_difference_median, self.estimate_difference_p99)
+            {
+                let [median, p99] = [100.0 * median, 100.0 * p99];
+                write!(
+                    f,
+                    "\nthe estimate differs from the error by {median:.2} % of it (median), {p99:.1} % \
+                     (99th percentile)"
+                )?;
+            }
+        }
+        for (quantile, states) in &self.quantiles {
+            let known = states.iter().filter_map(|(state, bound)| Some((state, bound.as_ref()?)));
+            for (state, bound) in known {
+                let confidence = 100.0 * self.confidence;
+                write!(
+                    f,
+                    "\n{state}: {quantile} of all errors are below {bound:.3e}, with {confidence} % \
+                     confidence (statistical)"
+                )?;
+            }
+        }
+        self.domain.as_ref().map_or(Ok(()), |domain| domain.fmt(f))
+    }
+}
+
+impl fmt::Display for DomainCertificate {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let is_whole = self.unproven_volume <= 0.0;
+        for (state, proven) in &self.proven {
+            let found = self.found.get(state).copied().unwrap_or(0.0);
+            let place = if is_whole { "over the domain" } else { "where anything is proven" };
+            write!(f, "\n{state}: proven at most {proven:.3e} {place}, found {found:.3e}")?;
+            if is_whole {
+                write!(f, " (ratio {:.3})", proven / found)?;
+            }
+        }
+        if !is_whole {
+            let share = 100.0 * self.unproven_volume;
+            write!(f, "\nnothing is proven in {share:.3} % of the domain's volume")?;
+        }
+        if self.complete {
+            return Ok(());
+        }
+        f.write_str("\nthe search is not over: --resume continues it")
     }
 }

@@ -55,7 +55,7 @@ mod training_setup;
 mod trial;
 
 pub use batch::BatchController;
-pub use certify::{Certify, certificate_summary, certify, verify_certificate};
+pub use certify::{Certify, certify, verify_certificate};
 pub use chained_error::error_estimate;
 pub use check::{check, check_watched};
 pub use chosen::ModelFile;

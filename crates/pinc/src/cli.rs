@@ -389,7 +389,7 @@ fn execute(cli: &Cli, plants: &Plants) -> Result<ExitCode, RunError> {
             }
             let (model, what) = (what.model(), what.what());
             let found = pinc_runs::certify(&experiment, &dir, &options, model, &what)?;
-            show(quiet, &pinc_runs::certificate_summary(&found))?;
+            show(quiet, &found.to_string())?;
         }
         Command::Choose { config, within, budget_s, run } => {
             let experiment = Experiment::load(config, &run.set.overrides(), plants)?;

@@ -7,7 +7,7 @@ use crate::metrics::Metrics;
 use crate::spread::Spread;
 use crate::sweep_dir::{Ending, Finished};
 use pinc_config::{Experiment, SweepSpec, Trial, cell_columns, sweep_models};
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 use std::path::Path;
 
 /// The columns after those that tell the cells apart.
@@ -51,7 +51,7 @@ pub struct SummaryRow {
     pub failed: usize,
     /// How many have not been run.
     pub pending: usize,
-    /// How many finite values there are.
+    /// How many finite values there are; of a metric of nets, one for each net.
     pub values: usize,
     /// How many of these are not 0, as those of loops that broke a bound.
     pub nonzero: usize,
@@ -87,7 +87,12 @@ impl SummaryTable {
         let mut rows = Vec::new();
         for (cell, group) in cells(trials, cell_columns.len()) {
             let group: Vec<_> = group.into_iter().map(|i| finished[i].as_ref()).collect();
-            rows.extend(metrics.iter().filter_map(|metric| row(cell, *metric, &group)));
+            let nets = distinct_nets(&metrics, &group);
+            let of = |metric: &TrialMetric| match metric.is_of_net() {
+                true => row(cell, *metric, &group, &nets),
+                false => row(cell, *metric, &group, &done(&group)),
+            };
+            rows.extend(metrics.iter().filter_map(of));
         }
         Self { cell_columns, rows }
     }
@@ -176,8 +181,13 @@ fn cells(trials: &[Trial], columns: usize) -> Vec<(&[String], Vec<usize>)> {
 }
 
 /// The row of a metric in a cell with these trials; names have no spread, and so no row.
-fn row(cell: &[String], metric: TrialMetric, group: &[Option<&Finished>]) -> Option<SummaryRow> {
-    let values = group.iter().filter_map(|finished| metric.cell(done(*finished)?)?.parse().ok());
+fn row(
+    cell: &[String],
+    metric: TrialMetric,
+    group: &[Option<&Finished>],
+    counted: &[&Metrics],
+) -> Option<SummaryRow> {
+    let values = counted.iter().filter_map(|metrics| metric.cell(metrics)?.parse().ok());
     let spread = Spread::of(values.collect())?;
     let (median_low, median_high, confidence) = spread.interval_of_median();
     let over = group.iter().flatten();
@@ -200,9 +210,21 @@ fn row(cell: &[String], metric: TrialMetric, group: &[Option<&Finished>]) -> Opt
     })
 }
 
-/// The metrics of a trial that ended as it should.
-fn done(finished: Option<&Finished>) -> Option<&Metrics> {
-    finished.filter(|finished| finished.ending == Ending::Done).map(|finished| &finished.metrics)
+/// The metrics of the trials that ended as they should.
+fn done<'a>(group: &[Option<&'a Finished>]) -> Vec<&'a Metrics> {
+    let finished = group.iter().flatten();
+    let done = finished.filter(|finished| finished.ending == Ending::Done);
+    done.map(|finished| &finished.metrics).collect()
+}
+
+/// The same, one for each net: trials that differ in their loops only share it, and are not several
+/// values of it.
+fn distinct_nets<'a>(metrics: &[TrialMetric], group: &[Option<&'a Finished>]) -> Vec<&'a Metrics> {
+    let of_net = || metrics.iter().filter(|metric| metric.is_of_net());
+    let mut known = HashSet::new();
+    let mut all = done(group);
+    all.retain(|trial| known.insert(of_net().map(|of| of.cell(trial)).collect::<Vec<_>>()));
+    all
 }
 
 #[cfg(test)]

@@ -111,6 +111,12 @@ impl TrialMetric {
         tune.weights().into_iter().map(weighted).collect()
     }
 
+    /// Whether it is of the trial's net, and not of a loop.
+    #[must_use]
+    pub fn is_of_net(self) -> bool {
+        self.model.is_none()
+    }
+
     /// Whether it is a number rather than a name.
     #[must_use]
     pub fn is_number(self) -> bool {

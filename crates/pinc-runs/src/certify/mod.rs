@@ -11,11 +11,8 @@ use crate::RunError;
 use crate::invocation::{cores, invocation};
 use pinc_config::{Experiment, ModelKind};
 use pinc_net::{Domain, PincNet};
-use pinc_record::{
-    CertificateMetrics, CsvText, DomainCertificate, Provenance, RunDir, file, number,
-};
+use pinc_record::{CertificateMetrics, CsvText, Provenance, RunDir, file, number};
 use points::{Judged, random, read_points};
-use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 use subject::Subject;
 pub use verify::verify_certificate;
@@ -152,69 +149,4 @@ fn metrics(
         refused: subject.error.as_ref().err().cloned(),
         domain: None,
     }
-}
-
-/// The results in some lines.
-#[must_use]
-pub fn certificate_summary(found: &CertificateMetrics) -> String {
-    let mut text =
-        format!("{}: one step of {} s of {}", found.experiment, found.step_s, found.model);
-    if let Some(reason) = &found.refused {
-        let _ = write!(text, "\nno proof: {reason}");
-    }
-    if found.points > 0 {
-        let _ =
-            write!(text, "\n{} points, {} without a bound", found.points, found.unproven_points);
-        if let Some(ratio) = found.bound_over_error_median {
-            let _ = write!(text, "; median of bound over error {ratio:.3}");
-        }
-        if let (Some(median), Some(p99)) =
-            (found.estimate_difference_median, found.estimate_difference_p99)
-        {
-            let _ = write!(
-                text,
-                "\nthe estimate differs from the error by {:.2} % of it (median), {:.1} % (99th \
-                 percentile)",
-                100.0 * median,
-                100.0 * p99
-            );
-        }
-    }
-    for (quantile, states) in &found.quantiles {
-        for (state, bound) in states {
-            if let Some(bound) = bound {
-                let _ = write!(
-                    text,
-                    "\n{state}: {quantile} of all errors are below {bound:.3e}, with {} % confidence \
-                     (statistical)",
-                    100.0 * found.confidence
-                );
-            }
-        }
-    }
-    if let Some(domain) = &found.domain {
-        text.push_str(&domain_summary(domain));
-    }
-    text
-}
-
-fn domain_summary(domain: &DomainCertificate) -> String {
-    let mut text = String::new();
-    let is_whole = domain.unproven_volume <= 0.0;
-    for (state, proven) in &domain.proven {
-        let found = domain.found.get(state).copied().unwrap_or(0.0);
-        let place = if is_whole { "over the domain" } else { "where anything is proven" };
-        let _ = write!(text, "\n{state}: proven at most {proven:.3e} {place}, found {found:.3e}");
-        if is_whole {
-            let _ = write!(text, " (ratio {:.3})", proven / found);
-        }
-    }
-    if !is_whole {
-        let share = 100.0 * domain.unproven_volume;
-        let _ = write!(text, "\nnothing is proven in {share:.3} % of the domain's volume");
-    }
-    if !domain.complete {
-        text.push_str("\nthe search is not over: --resume continues it");
-    }
-    text
 }

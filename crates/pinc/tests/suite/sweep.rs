@@ -136,11 +136,13 @@ fn every_combination_is_a_trial_and_nets_are_shared() {
     }
     // A cell's trials, one per seed and draw, in the summary.
     let summary = rows(&read(&out, "summary.csv"));
-    let row = summary.iter().find(|row| {
-        (&*row["case"], &*row["model.neurons"], &*row["metric"])
-            == ("two layers", "5", "pinc_iae_dense_sum")
-    });
-    let row = row.unwrap();
+    let row_of = |metric: &str| {
+        let is_cell = |row: &&std::collections::HashMap<String, String>| {
+            row["case"] == "two layers" && row["model.neurons"] == "5" && row["metric"] == metric
+        };
+        summary.iter().find(is_cell).unwrap()
+    };
+    let row = row_of("pinc_iae_dense_sum");
     let mut values: Vec<f64> = trials
         .iter()
         .filter(|trial| trial["case"] == "two layers" && trial["model.neurons"] == "5")
@@ -148,6 +150,8 @@ fn every_combination_is_a_trial_and_nets_are_shared() {
         .collect();
     values.sort_by(f64::total_cmp);
     assert_eq!((&*row["trials"], &*row["failed"], &*row["values"]), ("4", "0", "4"));
+    let nets = row_of("mse_gen");
+    assert_eq!((&*nets["trials"], &*nets["values"], &*nets["confidence"]), ("4", "2", "0.5"));
     assert_eq!(row["min"].parse(), Ok(values[0]));
     assert_eq!(row["max"].parse(), Ok(values[3]));
     let median: f64 = row["median"].parse().unwrap();
