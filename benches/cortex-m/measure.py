@@ -13,7 +13,7 @@ import sys
 import tempfile
 from pathlib import Path
 
-HERE = Path(__file__).resolve().parent
+BOARD = Path(__file__).resolve().parents[2] / "crates" / "pinc-bench" / "board"
 BOARDS = {
     "Cortex-M4F, float": ("mps2-an386", "cortex-m4", "fpv4-sp-d16", "float"),
     "Cortex-M4F, double in software": ("mps2-an386", "cortex-m4", "fpv4-sp-d16", "double"),
@@ -111,7 +111,7 @@ def measure(directory):
             flags = [f"-mcpu={cpu}", "-mthumb", f"-mfpu={fpu}", "-mfloat-abi=hard", "-O2", "-std=c99"]
             flags += [f"-D{name.upper()}_REAL={real}", f"-I{directory}", f"-I{work}"]
             objects = []
-            for source in [*sources, selftest, HERE / "board.c"]:
+            for source in [*sources, selftest, BOARD / "board.c"]:
                 target = Path(work) / f"{source.stem}.o"
                 own = ["-std=gnu99"] if source.name == "board.c" else []
                 run("arm-none-eabi-gcc", *flags, *own, "-c", source, "-o", target)
@@ -121,7 +121,7 @@ def measure(directory):
             wraps = [f"-Wl,--wrap={function}" for function in wrapped]
             run(
                 "arm-none-eabi-gcc", *flags, *objects, *wraps, "--specs=rdimon.specs", "-nostartfiles",
-                f"-T{HERE / 'link.ld'}", "-lm", "-lc", "-lrdimon", "-lgcc", "-o", Path(work) / "x.elf",
+                f"-T{BOARD / 'link.ld'}", "-lm", "-lc", "-lrdimon", "-lgcc", "-o", Path(work) / "x.elf",
             )
             said = run(
                 "qemu-system-arm", "-M", board, "-nographic", "-semihosting", "-icount", "shift=6",

@@ -22,7 +22,7 @@ mod tune;
 pub use bench::{
     BenchOptions, BenchReport, FmaPeak, LossGradient, Machine, ModelStep, NmpcTimes, QpTime, bench,
 };
-pub use choose::{Choice, ChooseOptions, choose};
+pub use choose::{Choice, ChooseOptions, Timed, choose};
 pub use shrink::{ShrinkOptions, ShrunkController, shrink};
 pub use slurm::{OnSlurm, Submitted, submit, wait};
 pub use sweep::{Kept, Shard, Status, clear, kept, merge, status, sweep};

@@ -25,9 +25,11 @@ pub struct Advice<'a> {
 
 impl fmt::Display for Advice<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let instructions = if self.counts() { "  M4F instr." } else { "" };
         writeln!(
             f,
-            "model                        IAE  step p50 us      p99 us  error found      proven  training s"
+            "model                        IAE  step p50 us      p99 us{instructions}  error found      \
+             proven  training s"
         )?;
         let score = |tried: &&Tried| tried.result.as_ref().map_or(f64::INFINITY, |s| s.p50_us);
         let mut rows: Vec<&Tried> = self.tried.iter().collect();
@@ -64,6 +66,12 @@ impl<'a> Advice<'a> {
         self.winner
     }
 
+    /// Whether instructions were counted of a model.
+    fn counts(&self) -> bool {
+        let of = |tried: &Tried| tried.result.as_ref().ok()?.instructions;
+        self.tried.iter().any(|tried| of(tried).is_some())
+    }
+
     fn row(&self, f: &mut fmt::Formatter<'_>, name: &str, score: &Score) -> fmt::Result {
         let number = |value: Option<f64>| match value {
             Some(value) if value.is_finite() => format!("{value:.1e}"),
@@ -71,6 +79,11 @@ impl<'a> Advice<'a> {
             None => "-".to_owned(),
         };
         let training = score.training_s.map_or("-".to_owned(), |s| format!("{s:.1}"));
+        let instructions = match score.instructions {
+            Some(count) => format!(" {count:>11}"),
+            None if self.counts() => format!(" {:>11}", "-"),
+            None => String::new(),
+        };
         let remark = match self.standard.shortfall(score) {
             Some(shortfall) => shortfall,
             None if !self.standard.is_in_time(score) => "late".to_owned(),
@@ -78,7 +91,7 @@ impl<'a> Advice<'a> {
         };
         writeln!(
             f,
-            "{name:<21} {:>12.6} {:>12.2} {:>11.2} {:>12} {:>11} {training:>11}   {remark}",
+            "{name:<21} {:>12.6} {:>12.2} {:>11.2}{instructions} {:>12} {:>11} {training:>11}   {remark}",
             score.iae,
             score.p50_us,
             score.p99_us,

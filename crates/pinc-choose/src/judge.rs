@@ -41,6 +41,10 @@ pub struct Score {
     pub beyond: usize,
     /// How long the net was trained, in s.
     pub training_s: Option<f64>,
+    /// The most instructions of a control step on a microcontroller, where they were counted.
+    pub instructions: Option<u64>,
+    /// Why the controller with this model cannot be exported, where it has to be.
+    pub unexported: Option<String>,
     /// Why an integrator is unsound in the box where the loop may go, in the words of `pinc check`;
     /// `None` for a sound one and for a net.
     pub unsound: Option<String>,
@@ -99,6 +103,8 @@ impl Score {
             proven: None,
             beyond: run.model_error.as_ref().map_or(0, |of| of.beyond),
             training_s: metrics.training.as_ref().map(|training| training.wall_s),
+            instructions: None,
+            unexported: None,
             unsound: None,
         })
     }
@@ -151,6 +157,9 @@ impl Standard {
     pub(crate) fn shortfall(&self, score: &Score) -> Option<String> {
         if score.unsound.is_some() {
             return score.unsound.clone();
+        }
+        if let Some(reason) = &score.unexported {
+            return Some(reason.clone());
         }
         if score.failed > self.max_failed {
             return Some(format!("{:.0} % of its steps fail", 100.0 * score.failed));
@@ -250,6 +259,8 @@ pub(crate) mod tests {
             proven: None,
             beyond: 0,
             training_s: None,
+            instructions: None,
+            unexported: None,
             unsound: None,
         }
     }
@@ -308,9 +319,15 @@ pub(crate) mod tests {
         if let Ok(score) = &mut late.result {
             score.p99_us = 300.0;
         }
-        let all = [exact, late];
+        let all = [exact.clone(), late];
         assert_eq!(name(&all, Some(150.0)).as_deref(), Some("RK4 x16"));
         assert_eq!(name(&all, Some(1.0)).as_deref(), Some("RK4 x2"));
+        // Nor is one that cannot be exported where C is timed.
+        let mut unexported = rk4(2, 100.0, 10.0, 1e-3);
+        if let Ok(score) = &mut unexported.result {
+            score.unexported = Some("control.end_state cannot be exported".to_owned());
+        }
+        assert_eq!(name(&[exact, unexported], None).as_deref(), Some("RK4 x16"));
     }
 
     #[test]

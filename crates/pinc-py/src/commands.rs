@@ -5,7 +5,7 @@ use crate::config::{experiment, plants};
 use crate::controller::kind;
 use crate::errors::{input, of_run};
 use crate::work::Call;
-use pinc_bench::{ChooseOptions, ShrinkOptions};
+use pinc_bench::{ChooseOptions, ShrinkOptions, Timed};
 use pinc_config::{Experiment, ModelKind};
 use pinc_export::FmiVersion;
 use pinc_runs::{Certify, Target};
@@ -161,12 +161,17 @@ pub(crate) fn choose_into(
     common: Common<'_>,
     within: f64,
     budget_s: f64,
+    target: &str,
 ) -> PyResult<(PathBuf, PathBuf, PathBuf, String)> {
     let experiment = common.experiment()?;
+    let timed = Timed::from_name(target).ok_or_else(|| {
+        let known = Timed::ALL.map(Timed::name).join(", ");
+        input(format!("target: \"{target}\" given, expected one of {known}"))
+    })?;
     if !(within > 0.0 && within <= 1.0) {
         return Err(input(format!("within: {within} given, expected a share, as 0.01")));
     }
-    let how = ChooseOptions { within, budget_s: seconds("budget_s", budget_s)? };
+    let how = ChooseOptions { within, budget_s: seconds("budget_s", budget_s)?, timed };
     let (dir, plants) = (common.directory(&experiment, "-choose"), plants());
     let choice = common
         .call("choose", &experiment)

@@ -99,6 +99,9 @@ impl Estimator {
         let mut of = self.lock();
         let inputs = of.variables.input_names();
         let given = u.map(|u| numbers(&u, "u", &inputs)).transpose()?;
+        if given.iter().flatten().any(|u| !u.is_finite()) {
+            return Err(input("u: expected finite numbers"));
+        }
         let u = given.or_else(|| of.initial_input.clone());
         of.filter.reset_input(&u.unwrap_or_else(|| vec![0.0; inputs.len()]));
         Ok(())

@@ -68,7 +68,7 @@ def test_parameters_are_identified_from_files_and_tables() -> None:
     assert len(found.residuals) > 4
     again = pinc.identify(TANKS, columns(file), out="again", starts=1)
     assert again.values == found.values
-    two = pinc.identify(TANKS, [columns(file), file], out="two", starts=1)
+    two = pinc.identify(TANKS, [columns(file), file], out="two", validate=columns(file), starts=1)
     halves = [of.parameters["k1"].half_width_95 for of in (two, found)]
     assert halves[0] == pytest.approx(halves[1] / np.sqrt(2), rel=0.05)
     pytest.importorskip("pandas")
@@ -99,6 +99,13 @@ def test_estimates_match_the_estimator() -> None:
         other.set_state([1.0])
     with pytest.raises(pinc.InputError, match="expected 1"):
         other.correct([1.0, 2.0])
+    with pytest.raises(pinc.InputError, match="u: expected finite numbers"):
+        other.reset([np.nan])
+    masked = np.ma.masked_greater(data["y_total"], np.sort(data["y_total"])[-3])
+    missing = pinc.estimate(RECORDED, {**data, "y_total": masked})
+    filled = pinc.estimate(RECORDED, {**data, "y_total": masked.filled(np.nan)})
+    assert np.array_equal(missing.table["pA"], filled.table["pA"])
+    assert not np.array_equal(missing.table["pA"], found.table["pA"])
 
 
 def test_certificates(smoke: Path, model: pinc.Model, done: pinc.Run) -> None:

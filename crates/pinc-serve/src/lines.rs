@@ -90,7 +90,7 @@ struct Saved {
 
 /// A reference: for the whole horizon, or a row per stage.
 #[derive(Deserialize)]
-#[serde(untagged)]
+#[serde(untagged, expecting = "`reference`: expected numbers, or a row of numbers per stage")]
 enum Window {
     Held(Vec<f64>),
     Stages(Vec<Vec<f64>>),
@@ -138,7 +138,13 @@ pub(super) fn refusal(error: &str) -> String {
 
 /// The answer to a line, or what is wrong with it.
 pub(super) fn answer(controller: &mut LiveController, line: &[u8]) -> Result<String, String> {
-    let request: Request = serde_json::from_slice(&with_nulls(line)).map_err(|error| {
+    // Fields are known by their names alone.
+    let is_object = line.trim_ascii_start().first() == Some(&b'{');
+    let request = match is_object {
+        true => serde_json::from_slice(&with_nulls(line)).map_err(|error| error.to_string()),
+        false => Err("not an object".to_owned()),
+    };
+    let request: Request = request.map_err(|error| {
         format!(
             "{error}; expected {{\"y\": [..], \"reference\": [..], \"u_applied\": [..], \
              \"parameters\": [..], \"budget_us\": ..}} or {{\"command\": \"describe\"}} \

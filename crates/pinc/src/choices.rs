@@ -1,7 +1,7 @@
 //! The values of command line arguments, and the arguments that several commands share.
 
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
-use pinc_bench::{OnSlurm, Shard};
+use pinc_bench::{OnSlurm, Shard, Timed};
 use pinc_config::{ModelKind, OutsidePolicy};
 use pinc_export::FmiVersion;
 use pinc_runs::{Certify, Target};
@@ -31,6 +31,12 @@ pub(crate) fn model_kind() -> impl TypedValueParser<Value = ModelKind> {
     let choice = |kind: ModelKind| PossibleValue::new(kind.name()).help(kind.title());
     let kind = |name: String| ModelKind::from_name(&name).expect("one of the possible values");
     PossibleValuesParser::new(ModelKind::ALL.map(choice)).map(kind)
+}
+
+/// Whose control steps `pinc choose` times.
+pub(crate) fn timed() -> impl TypedValueParser<Value = Timed> {
+    let known = |name: String| Timed::from_name(&name).expect("one of the possible values");
+    PossibleValuesParser::new(Timed::ALL.map(Timed::name)).map(known)
 }
 
 /// What `pinc certify` judges.

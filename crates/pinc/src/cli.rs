@@ -2,6 +2,7 @@
 
 use crate::choices::{
     CertifyArgs, Outside, RunArgs, SetArgs, SweepArgs, To, loopback, model_kind, seconds, share,
+    timed,
 };
 use crate::options::{arguments, judged, may_begin_afresh, options};
 use crate::printed::{failure, show, usage};
@@ -10,7 +11,7 @@ use crate::shrunk::ShrinkArgs;
 use crate::summary::summary;
 use crate::tuned::TuneArgs;
 use clap::{Parser, Subcommand};
-use pinc_bench::{BenchOptions, ChooseOptions, OnSlurm, Shard};
+use pinc_bench::{BenchOptions, ChooseOptions, OnSlurm, Shard, Timed};
 use pinc_config::{Experiment, ModelKind, Plants, RunList};
 use pinc_record::RunDir;
 use pinc_runs::{Options, RunError, Severity, Verbosity, console, verdict};
@@ -218,6 +219,9 @@ enum Command {
         /// Time limit, in s.
         #[arg(long, value_name = "SECONDS", default_value_t = 120.0, value_parser = seconds)]
         budget_s: f64,
+        /// Whose control steps are timed: the program's, or exported C's, which needs a compiler cc.
+        #[arg(long, default_value = "program", value_parser = timed())]
+        target: Timed,
         #[command(flatten)]
         run: RunArgs,
     },
@@ -391,12 +395,12 @@ fn execute(cli: &Cli, plants: &Plants) -> Result<ExitCode, RunError> {
             let found = pinc_runs::certify(&experiment, &dir, &options, model, &what)?;
             show(quiet, &found.to_string())?;
         }
-        Command::Choose { config, within, budget_s, run } => {
+        Command::Choose { config, within, budget_s, target, run } => {
             let experiment = Experiment::load(config, &run.set.overrides(), plants)?;
             let dir = run.directory(&format!("{}-choose", experiment.name), false);
             let arguments = arguments();
             let options = options(run.resume, quiet, &arguments);
-            let how = ChooseOptions { within: *within, budget_s: *budget_s };
+            let how = ChooseOptions { within: *within, budget_s: *budget_s, timed: *target };
             let choice = pinc_bench::choose(&experiment, &dir, plants, &options, how)?;
             show(quiet, &choice.to_string())?;
         }

@@ -1,6 +1,7 @@
 //! `pinc choose`: candidates of pinc-choose, each tried as a trial of a sweep is run and kept.
 
 mod base;
+mod in_c;
 mod session;
 
 use crate::sweep;
@@ -29,6 +30,38 @@ pub struct ChooseOptions {
     /// The time, in s: for trying models, and in the end for measuring the best again, each of
     /// which is measured once at least.
     pub budget_s: f64,
+    /// Whose control steps are timed.
+    pub timed: Timed,
+}
+
+/// The controller whose control steps are timed.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Timed {
+    /// The program's.
+    #[default]
+    Program,
+    /// The exported one in C, compiled on this machine.
+    ExportedC,
+}
+
+impl Timed {
+    /// All of them.
+    pub const ALL: [Self; 2] = [Self::Program, Self::ExportedC];
+
+    /// The word for it on command lines.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Program => "program",
+            Self::ExportedC => "c",
+        }
+    }
+
+    /// The one of this name.
+    #[must_use]
+    pub fn from_name(name: &str) -> Option<Self> {
+        Self::ALL.into_iter().find(|of| of.name() == name)
+    }
 }
 
 /// The result; its `Display` is a short table and the advice.
@@ -63,7 +96,7 @@ pub fn choose(
     how: ChooseOptions,
 ) -> Result<Choice, RunError> {
     let base = Base::of(experiment, plants)?;
-    let mut session = Session::open(&base, dir, plants, options, how.budget_s)?;
+    let mut session = Session::open(&base, dir, plants, options, how)?;
     let (control, sources, states) = (base.control(), &base.sources, base.states());
     let has_equation = !experiment.plant.is_black_box();
     let search = Search { control, sources, states, within: how.within, has_equation };
@@ -71,7 +104,8 @@ pub fn choose(
     if let Some(standard) = search.standard(&found.tried) {
         found.prove(&standard, |tried| session.proven(tried));
     }
-    let Some(advice) = Advice::of(&search, &found, &base.notes) else {
+    let notes = [&base.notes[..], session.notes()].concat();
+    let Some(advice) = Advice::of(&search, &found, &notes) else {
         return Err(nothing(&experiment.name, &found));
     };
     let report = write_report(&session, &found.tried)?;
@@ -87,13 +121,10 @@ pub fn choose(
 fn nothing(name: &str, found: &SearchResult) -> RunError {
     let reason = |tried: &Tried| match &tried.result {
         Err(error) => format!("{}: {error}", tried.candidate),
-        Ok(score) if score.unsound.is_some() => {
-            let objection = score.unsound.as_deref().unwrap_or_default();
-            format!("{}: {objection}", tried.candidate)
-        }
-        Ok(score) => {
-            format!("{}: {:.0} % of its steps fail", tried.candidate, 100.0 * score.failed)
-        }
+        Ok(score) => match score.unsound.as_ref().or(score.unexported.as_ref()) {
+            Some(objection) => format!("{}: {objection}", tried.candidate),
+            None => format!("{}: {:.0} % of its steps fail", tried.candidate, 100.0 * score.failed),
+        },
     };
     let reasons: Vec<String> = found.tried.iter().map(reason).collect();
     let so_far = match found.is_out_of_time {

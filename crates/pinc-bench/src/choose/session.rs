@@ -1,6 +1,8 @@
 //! Trying candidates, one after the other, within a time.
 
 use super::base::Base;
+use super::in_c::InC;
+use super::{ChooseOptions, Timed};
 use pinc_choose::{Candidate, Loops, Purpose, Score, Tried};
 use pinc_config::{Experiment, Plants, Trial, trials};
 use pinc_record::{
@@ -26,9 +28,16 @@ pub(super) struct Session<'a> {
     /// Until when the best are measured again.
     deadline: Deadline,
     stage: Stage,
+    /// The controllers in C, with what was tried, if these are timed.
+    timed: Timed,
+    in_c: Vec<(Candidate, Tried, Option<InC>)>,
+    notes: Vec<String>,
     /// The box in which integrators have to be sound.
     of_box: Option<IntegratorBox<'a>>,
 }
+
+/// The directory of the controllers in C.
+const IN_C: &str = "c";
 
 /// The share of the time in which models are tried; the rest is for measuring the best again.
 const TRYING: f64 = 0.85;
@@ -40,7 +49,7 @@ impl<'a> Session<'a> {
         dir: &Path,
         plants: &'a Plants,
         options: &'a Options<'a>,
-        budget_s: f64,
+        ChooseOptions { budget_s, timed, .. }: ChooseOptions,
     ) -> Result<Self, RunError> {
         let run_dir = RunDir::open(dir, &base.experiment, std::process::id())?;
         let begun = invocation(options.arguments);
@@ -52,6 +61,14 @@ impl<'a> Session<'a> {
         }
         let [trying, deadline] = [TRYING * budget_s, budget_s].map(Deadline::in_seconds);
         let stage = Stage::begin(options.verbosity, "choose", deadline.whole_s());
+        let notes = match timed {
+            Timed::Program => Vec::new(),
+            Timed::ExportedC => vec![
+                "times are of the exported C, compiled by cc -O2, over the steps of its self-test, each the \
+                 least of 30 runs"
+                    .to_owned(),
+            ],
+        };
         let of_box = IntegratorBox::of(&*base.plant, &base.experiment);
         Ok(Self {
             base,
@@ -63,6 +80,9 @@ impl<'a> Session<'a> {
             trying,
             deadline,
             stage,
+            timed,
+            in_c: Vec::new(),
+            notes,
             of_box,
         })
     }
@@ -180,6 +200,73 @@ impl Loops for Session<'_> {
     type Error = RunError;
 
     fn run(&mut self, candidate: Candidate, purpose: Purpose) -> Result<Option<Tried>, RunError> {
+        match self.timed {
+            Timed::Program => self.run_loop(candidate, purpose),
+            Timed::ExportedC => self.run_in_c(candidate, purpose),
+        }
+    }
+}
+
+impl Session<'_> {
+    /// What there is to say of the times.
+    pub(super) fn notes(&self) -> &[String] {
+        &self.notes
+    }
+
+    /// The quality of the program's loop, with the time of a step in C.
+    fn run_in_c(
+        &mut self,
+        candidate: Candidate,
+        purpose: Purpose,
+    ) -> Result<Option<Tried>, RunError> {
+        if !self.in_c.iter().any(|(of, ..)| *of == candidate) {
+            let Some(mut tried) = self.run_loop(candidate, Purpose::Quality)? else {
+                return Ok(None);
+            };
+            let mut in_c = None;
+            if let Ok(score) = &mut tried.result {
+                match self.exported(candidate, &tried.place, tried.net.as_deref()) {
+                    Ok(exported) => in_c = Some(exported),
+                    Err(error) => score.unexported = Some(error.to_string()),
+                }
+            }
+            self.in_c.push((candidate, tried, in_c));
+        } else if self.limit(purpose).is_some_and(Deadline::is_over) {
+            return Ok(None);
+        }
+        let known = self.in_c.iter().find(|(of, ..)| *of == candidate);
+        let (_, tried, in_c) = known.expect("the candidate was added");
+        let mut tried = tried.clone();
+        if let (Ok(score), Some(in_c)) = (&mut tried.result, in_c) {
+            match in_c.time() {
+                Ok(cost) => {
+                    (score.p50_us, score.p99_us) = (cost.p50_us, cost.p99_us);
+                    score.instructions = cost.instructions;
+                }
+                Err(error) => score.unexported = Some(error.to_string()),
+            }
+        }
+        Ok(Some(tried))
+    }
+
+    /// The controller with a candidate in C.
+    fn exported(
+        &self,
+        candidate: Candidate,
+        place: &str,
+        net: Option<&str>,
+    ) -> Result<InC, RunError> {
+        let trial = self.trial(candidate, Purpose::Quality)?;
+        let model = net.map(|net| self.sweep_dir.net(net).join(file::MODEL));
+        let dir = self.run_dir.path(IN_C).join(place);
+        InC::new(&trial.experiment, model.as_deref(), &dir)
+    }
+
+    fn run_loop(
+        &mut self,
+        candidate: Candidate,
+        purpose: Purpose,
+    ) -> Result<Option<Tried>, RunError> {
         let (repetitions, limit) = (repetitions(purpose), self.limit(purpose));
         let done = self.deadline.seconds_over();
         self.stage.advance(done, || candidate.to_string());

@@ -50,6 +50,12 @@ def _files(model: GivenModel = None, data: Sequence[Any] = ()) -> Iterator[tuple
         yield model, paths
 
 
+def _listed(data: Any) -> Sequence[Any]:
+    """Recordings, of which there may be one."""
+    is_one = isinstance(data, (str, Path)) or hasattr(data, "keys")
+    return data if isinstance(data, Sequence) and not is_one else [data]
+
+
 def run(
     config: Config,
     out: Optional[FilePath] = None,
@@ -106,6 +112,7 @@ def choose(
     *,
     within: float = 0.01,
     budget_s: float = 120.0,
+    target: str = "program",
     resume: bool = False,
     verbose: bool = False,
 ) -> Choice:
@@ -113,11 +120,12 @@ def choose(
     substeps and nets by size, and takes the cheapest whose loop has an IAE of at most ``1 + within``
     times the most exact model's.
 
+    ``target="c"`` times the steps of exported C instead of the program's, which needs a compiler ``cc``.
     ``budget_s`` limits the time, in s. Results are in ``out``, by default ``runs/<name>-choose``;
     ``resume=True`` reuses what it holds.
     """
     common = _Common(config, overrides, out=out, resume=resume, verbose=verbose)
-    return Choice(*_native.choose_into(common, within, budget_s))
+    return Choice(*_native.choose_into(common, within, budget_s, target))
 
 
 def tune(
@@ -172,7 +180,7 @@ def identify(
     out: Optional[FilePath] = None,
     overrides: Overrides = None,
     *,
-    validate: Sequence[Data] = (),
+    validate: Union[Data, Sequence[Data]] = (),
     starts: Optional[int] = None,
     verbose: bool = False,
 ) -> Identification:
@@ -184,12 +192,11 @@ def identify(
     all have bounds, otherwise 1. Recordings of ``validate`` are not fitted to: the result says how
     well it predicts them. Results are in ``out``, by default ``runs/<name>-identify``.
     """
-    several = not (isinstance(data, (str, Path)) or hasattr(data, "keys"))
-    listed: Sequence[Any] = data if several and isinstance(data, Sequence) else [data]
-    with _files(model, [*listed, *validate]) as (path, files):
+    listed, held_out = _listed(data), _listed(validate)
+    with _files(model, [*listed, *held_out]) as (path, files):
         common = _Common(config, overrides, path, only, out, verbose=verbose)
-        fitted, held_out = files[: len(listed)], files[len(listed) :]
-        directory, found = _native.identify_into(common, fitted, held_out, starts)
+        count = len(listed)
+        directory, found = _native.identify_into(common, files[:count], files[count:], starts)
     return Identification._of(directory, json.loads(found))
 
 

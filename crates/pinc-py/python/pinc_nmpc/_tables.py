@@ -36,7 +36,7 @@ def frame(table: Mapping[str, Any]) -> "pandas.DataFrame":
 
 def write(table: Any, path: Path) -> None:
     """Writes a table, or a data frame, as CSV; NaN is an empty cell."""
-    columns = {str(name): np.asarray(table[name]) for name in table}
+    columns = {str(name): _numbers(table[name]) for name in table}
     lengths = {column.shape for column in columns.values()}
     if len(lengths) != 1 or len(next(iter(lengths))) != 1:
         raise InputError(f"data: columns of the shapes {sorted(lengths)} given, expected one length")
@@ -44,6 +44,13 @@ def write(table: Any, path: Path) -> None:
         writer = csv.writer(file)
         writer.writerow(columns)
         writer.writerows(zip(*([_cell(value) for value in of.tolist()] for of in columns.values())))
+
+
+def _numbers(column: Any) -> np.ndarray:
+    """A column as an array; what is masked is missing."""
+    if np.ma.isMaskedArray(column):
+        return np.ma.filled(column.astype(float), np.nan)
+    return np.asarray(column)
 
 
 def _cell(value: Any) -> str:

@@ -134,6 +134,22 @@ fn the_recommended_config_keeps_its_promise_and_a_resumed_run_repeats_nothing() 
 /// Nets have to keep the tolerances of the config: they are trained until their errors are proven to,
 /// and one whose estimated error is beyond its tolerance in the loop is not good.
 #[test]
+fn the_steps_of_exported_c_are_timed() {
+    let dir = tempfile::tempdir().unwrap();
+    let (config, out) = (repository("configs/smoke/van-der-pol.toml"), dir.path().join("out"));
+    let in_c = [&TINY[..], &["--target", "c"]].concat();
+    let chosen = choose(&config, &out, &in_c);
+    let table = table(&chosen);
+    assert!(table.contains("Note: times are of the exported C"), "{table}");
+    let times = |line: &str| -> Option<[f64; 2]> {
+        let words: Vec<&str> = line.strip_suffix("   good")?.split_whitespace().collect();
+        Some([words[3].parse().unwrap(), words[4].parse().unwrap()])
+    };
+    let good: Vec<_> = table.lines().filter_map(times).collect();
+    assert!(good.len() > 1 && good.iter().all(|[p50, p99]| *p50 > 0.0 && p99 >= p50), "{table}");
+}
+
+#[test]
 fn nets_have_to_keep_their_tolerances() {
     let dir = tempfile::tempdir().unwrap();
     let config = repository("configs/smoke/van-der-pol.toml");
