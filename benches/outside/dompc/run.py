@@ -1,4 +1,4 @@
-"""PINC and do-mpc on two of do-mpc's examples, each in the example's own simulator.
+"""PINC and do-mpc on five of do-mpc's examples, each in the example's own simulator.
 
 usage: python run.py do-mpc/examples [EXAMPLE...] [--out TABLE.csv]
 
@@ -17,9 +17,11 @@ import importlib.util
 import math
 import pathlib
 import statistics
+import sys
 import time
 import tomllib
 
+import casadi
 import numpy as np
 
 import pinc_nmpc as pinc
@@ -28,27 +30,99 @@ CONFIGS = pathlib.Path(__file__).resolve().parents[3] / "configs"
 
 
 class Example:
-    """A config with its changes, the units of do-mpc's inputs in PINC's, steps and the cost of a state."""
+    """A config, the steps of a loop and the cost of a state and the input that led there; the units of
+    do-mpc's inputs in PINC's, how the config is to be changed, and what do-mpc's model, controller and
+    simulator are told."""
 
-    def __init__(self, config, steps, cost, units=(1.0,), changes=None):
-        self.config, self.steps, self.cost = CONFIGS / config, steps, cost
-        self.units, self.changes = np.array(units), changes or {}
+    def __init__(self, config, steps, cost, units=(1.0,), change=None, model=(), mpc=(), simulator=()):
+        self.config, self.steps, self.cost, self.units = config, steps, cost, np.array(units)
+        self.change = change or (lambda config: None)
+        self.model, self.mpc, self.simulator = model, mpc, simulator
+
+
+def of_batch_reactor(config):
+    """The example's yield."""
+    config["plant"]["expression"]["parameters"]["Yx"] = 0.5
+
+
+def of_polymerization(config):
+    """The example's scenarios, its weights of moves, and its adiabatic temperature as a state."""
+    plant, control = config["plant"]["expression"], config["control"]
+    plant["states"].append({"name": "adiabatic", "unit": "K"})
+    plant["let"]["heating"] = " ".join(plant["derivatives"]["T_R"].split())
+    plant["derivatives"]["T_R"] = "heating"
+    plant["derivatives"]["adiabatic"] = (
+        "heating + delta_H/(c_R*mass)*(feed*(w_A - m_A/mass) - inside - outside)"
+    )
+    control["state_high"]["adiabatic"] = control.pop("output_high")[0]
+    del plant["outputs"], control["output_softness"]
+    water, monomer, product, temperature = control["initial_state"][:4]
+    rise = 950.0 * monomer / (5.0 * (water + monomer + product))
+    control["initial_state"].append(temperature + rise)
+    control["r"][0] /= 1e4
+    values = {"delta_H": [950.0, 1235.0, 665.0], "k_0": [7.0, 9.1, 4.9]}
+    control["scenarios"] = {"values": values, "robust_horizon": 1}
+
+
+def of_pendulum(x, _):
+    """Distance of the cart from its place and potential energy of both rods."""
+    return 10 * (x[0] + 0.8) ** 2 - 9.80665 * (0.15 * math.cos(x[1]) + 0.05 * math.cos(x[2]))
+
+
+def of_kite(x, u):
+    """The pull in mean wind."""
+    lift = 6.0 - 0.028 * u[0] ** 2
+    return -0.5 * 10.0**2 * 300.0 * math.cos(x[0]) ** 3 * (lift + 1) * math.hypot(lift, 1) / 1e4
 
 
 EXAMPLES = {
-    "CSTR": Example("robust/reactor.toml", 50, lambda x: (x[1] - 0.6) ** 2, (1.0, 1e-3)),
+    "CSTR": Example(
+        CONFIGS / "robust/reactor.toml", 50, lambda x, _: (x[1] - 0.6) ** 2, units=(1.0, 1e-3)
+    ),
     "batch_reactor": Example(
-        "gallery/batch-reactor.toml", 150, lambda x: -x[2], changes={"plant.expression.parameters.Yx": 0.5}
+        CONFIGS / "gallery/batch-reactor.toml", 150, lambda x, _: -x[2], change=of_batch_reactor
+    ),
+    "double_inverted_pendulum": Example(
+        CONFIGS / "gallery/double-pendulum.toml",
+        100,
+        of_pendulum,
+        model=[[{"x": 0.0, "y": 0.6, "r": 0.3}]],
+    ),
+    "industrial_poly": Example(
+        CONFIGS / "gallery/polymerization.toml",
+        30,
+        lambda x, _: -x[2],
+        units=(1.0, 1.0, 1.0),
+        change=of_polymerization,
+    ),
+    # Mean wind, lift over drag and least height, which the example draws.
+    "kite": Example(
+        pathlib.Path(__file__).with_name("kite.toml"), 100, of_kite, mpc=[10.0, 6.0, 100.0], simulator=[10.0, 6.0]
     ),
 }
 
 
 def part(folder, name):
     """A function of a file of an example that has its name."""
+    sys.path.append(str(folder))
     spec = importlib.util.spec_from_file_location(name, folder / f"{name}.py")
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
     return getattr(module, name)
+
+
+def without_algebraic(simulator):
+    """The simulator with its algebraic equations, which are linear, solved for: the example's IDAS ends
+    at some states of the pendulum."""
+    x, z, p, ode, equation = (casadi.vertcat(simulator.dae[key]) for key in ("x", "z", "p", "ode", "alg"))
+    if z.numel():
+        rest = casadi.substitute(equation, z, casadi.DM.zeros(z.numel()))
+        ode = casadi.substitute(ode, z, -casadi.solve(casadi.jacobian(equation, z), rest))
+        problem = {"x": x, "p": p, "ode": ode}
+        accuracy = {"abstol": 1e-8, "reltol": 1e-8}
+        own = casadi.integrator("own", "cvodes", problem, 0.0, simulator.settings.t_step, accuracy)
+        simulator.simulator = lambda x0, z0, p: {**own(x0=x0, p=p), "zf": 0 * z0.cat}
+    return simulator
 
 
 def timed(call, times):
@@ -60,21 +134,25 @@ def timed(call, times):
 
 def judged(folder, example):
     """The row of the table."""
-    model = part(folder, "template_model")()
-    mpc = part(folder, "template_mpc")(model, silence_solver=True)
-    ours = pinc.Nmpc(example.config, overrides=example.changes)
-    control = tomllib.loads(example.config.read_text())["control"]
+    model = part(folder, "template_model")(*example.model)
+    mpc = part(folder, "template_mpc")(model, *example.mpc, silence_solver=True)
+    config = tomllib.loads(example.config.read_text())
+    example.change(config)
+    ours = pinc.Nmpc(config)
+    control = config["control"]
     scenarios = control.get("scenarios", {"values": {}})
     width = np.subtract(control["input_high"], control["input_low"])
     start = np.array(control["initial_state"])
 
     def loop(choose):
-        simulator = part(folder, "template_simulator")(model)
+        simulator = without_algebraic(part(folder, "template_simulator")(model, *example.simulator))
+        np.random.seed(1)  # of the kite's wind
         x, cost = start, 0.0
         simulator.x0 = x
         for _ in range(example.steps):
-            x = simulator.make_step(choose(x).reshape(-1, 1)).ravel()
-            cost += example.cost(x)
+            u = choose(x)
+            x = simulator.make_step(u.reshape(-1, 1)).ravel()
+            cost += example.cost(x, u)
         return cost
 
     its, own, differences, failed = [], [], [], [0, 0]

@@ -46,6 +46,24 @@ pub struct History {
     pub squared_errors: Vec<f64>,
 }
 
+impl History {
+    /// Takes note of what the estimator knows after a correction by what was measured; its errors are
+    /// noted apart.
+    pub fn take_note(
+        &mut self,
+        estimator: &dyn Estimator,
+        measured: &[f64],
+        correction: Correction,
+    ) {
+        let variances = estimator.covariance().iter().step_by(estimator.dims().nx + 1);
+        self.measured.extend(measured);
+        self.estimates.extend(estimator.estimate());
+        self.sd.extend(variances.map(|variance| variance.sqrt()));
+        self.innovations.extend(estimator.innovation());
+        self.corrections.push(correction);
+    }
+}
+
 impl OutputFeedback {
     /// An `estimator` of the augmented model that reads what is measured, to which `noise` is
     /// added, `[steps, ny]`; steps beyond it have none.
@@ -121,16 +139,9 @@ impl Observer for OutputFeedback {
         let correction = self.estimator.correct(&self.measured);
         let z = self.estimator.estimate();
         self.augmentation.read(z, x, parameters);
-        let nz = z.len();
         let nees = self.nees(plant.x);
-        let history = &mut self.history;
-        history.nees.push(nees);
-        history.measured.extend(&self.measured);
-        history.estimates.extend(self.estimator.estimate());
-        let variances = self.estimator.covariance().iter().step_by(nz + 1);
-        history.sd.extend(variances.map(|variance| variance.sqrt()));
-        history.innovations.extend(self.estimator.innovation());
-        history.corrections.push(correction);
+        self.history.nees.push(nees);
+        self.history.take_note(&*self.estimator, &self.measured, correction);
     }
 
     fn covariance(&self) -> Option<&[f64]> {

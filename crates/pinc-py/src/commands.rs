@@ -142,14 +142,18 @@ pub(crate) fn estimate_into<'py>(
         .call("estimate", &experiment)
         .run(py, |_| pinc_runs::estimate(&experiment, &data, out, model, only))?;
     let rmse = PyDict::new(py);
-    for (name, value) in found.rmse {
+    let estimator = found.estimator;
+    let rejected: usize = estimator.rejected.values().sum();
+    let notes = estimator.notes(found.rows);
+    for (name, value) in estimator.estimate_rmse {
         rmse.set_item(name, value)?;
     }
     let all = PyDict::new(py);
-    all.set_item("nis_mean", found.nis_mean)?;
-    all.set_item("nis_expected", found.nis_expected)?;
+    all.set_item("nis_mean", estimator.nis_mean)?;
+    all.set_item("nis_expected", estimator.nis_expected)?;
     all.set_item("failed", found.failed)?;
-    all.set_item("rejected", found.rejected)?;
+    all.set_item("rejected", rejected)?;
+    all.set_item("notes", notes)?;
     all.set_item("rmse", rmse)?;
     Ok(all)
 }

@@ -1,6 +1,6 @@
 //! The consistency of an estimator: errors against their claimed spread.
 
-use crate::metrics::{ControlMetrics, EstimatorMetrics};
+use crate::metrics::EstimatorMetrics;
 use crate::verdict::{Finding, significant};
 use std::ops::RangeInclusive;
 
@@ -27,8 +27,16 @@ struct MeanSquare {
     steps: usize,
 }
 
-/// What a reader should know of `estimator`.
-pub(crate) fn findings(estimator: &EstimatorMetrics, of: &ControlMetrics) -> Vec<Finding> {
+impl EstimatorMetrics {
+    /// Returns what a reader should know of the estimator after this many steps, with advice.
+    #[must_use]
+    pub fn notes(&self, steps: usize) -> Vec<String> {
+        findings(self, steps).iter().map(Finding::to_string).collect()
+    }
+}
+
+/// What a reader should know of `estimator` after `steps`.
+pub(crate) fn findings(estimator: &EstimatorMetrics, steps: usize) -> Vec<Finding> {
     let EstimatorMetrics { nis_mean, nis_expected, nis_steps, nees_mean, nees_steps, .. } =
         *estimator;
     let mut findings = Vec::new();
@@ -38,7 +46,7 @@ pub(crate) fn findings(estimator: &EstimatorMetrics, of: &ControlMetrics) -> Vec
     let nees = MeanSquare { name: "NEES", mean: nees_mean, expected: states, steps: nees_steps };
     // One is enough: what is to be changed is the same.
     findings.extend([nis, nees].iter().find(|of| of.is_far_above()).map(MeanSquare::finding));
-    let (undefined, steps) = (estimator.nis_undefined, of.steps());
+    let undefined = estimator.nis_undefined;
     if undefined > 0 {
         findings.push(Finding::new(
             format!(

@@ -47,7 +47,7 @@ impl Metrics {
         findings.extend(of.references.offset.keys().filter_map(|name| self.not_reached(of, name)));
         if let Some(estimator) = &of.estimator {
             findings.extend(estimator.nearest_held.iter().map(not_held));
-            findings.extend(consistency::findings(estimator, of));
+            findings.extend(consistency::findings(estimator, of.steps()));
         }
         for finding in &mut findings {
             finding.what = format!("With {} {}", of.model.title(), finding.what);
@@ -165,8 +165,9 @@ fn not_held((quantity, nearest): (&String, &f64)) -> Finding {
     )
 }
 
-/// A number with three significant digits.
-pub(crate) fn significant(value: f64) -> String {
+/// Formats a number with three significant digits.
+#[must_use]
+pub fn significant(value: f64) -> String {
     match value.abs() {
         size if (1e2..1e6).contains(&size) => format!("{value:.0}"),
         size if (1e1..1e2).contains(&size) => format!("{value:.1}"),

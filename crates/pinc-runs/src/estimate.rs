@@ -7,8 +7,8 @@ use super::feedback;
 use super::recorded::Columns;
 use crate::RunError;
 use pinc_config::{Experiment, LoopParameters, ModelKind, Variables};
-use pinc_estimate::Estimator;
-use pinc_record::{EstimateRow, EstimateTable, StepTimes, read_file, write_atomically};
+use pinc_estimate::{Estimator, History};
+use pinc_record::{EstimatorMetrics, read_file, significant, write_atomically};
 use std::fmt;
 use std::path::Path;
 use std::time::Instant;
@@ -18,41 +18,28 @@ use std::time::Instant;
 pub struct Estimated {
     /// The number of rows.
     pub rows: usize,
-    /// The mean of the normalized innovations squared.
-    pub nis_mean: f64,
-    /// Its value for a consistent estimator: how many measurements are used at a time, on average
-    /// over the rows that have one.
-    pub nis_expected: f64,
-    /// How many rows have one.
-    pub nis_rows: usize,
     /// How many corrections did not end as they should.
     pub failed: usize,
-    /// How many measurements the estimator's gate rejected.
-    pub rejected: usize,
-    /// How long a prediction with the correction after it takes, the median, in us.
-    pub step_us: f64,
-    /// The root mean square error of each state, where the data have all true states.
-    pub rmse: Vec<(String, f64)>,
+    /// The numbers of the estimator, without errors where the data lack a true state.
+    pub estimator: EstimatorMetrics,
 }
 
 impl fmt::Display for Estimated {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self { rows, nis_mean, nis_expected, nis_rows, failed, rejected, step_us, rmse } = self;
-        write!(f, "{rows} rows; NIS {nis_mean:.3}")?;
-        if nis_rows < rows {
-            write!(f, " over the {nis_rows} rows that have one")?;
+        let Self { rows, failed, estimator } = self;
+        let EstimatorMetrics { nis_mean, nis_expected, nis_steps, estimator_us, .. } = estimator;
+        write!(f, "{rows} rows; NIS {}", significant(*nis_mean))?;
+        if nis_steps < rows {
+            write!(f, " over the {nis_steps} rows that have one")?;
         }
-        write!(f, ", consistent would be {nis_expected:.3}; {step_us:.2} us a step")?;
+        write!(f, ", consistent would be {nis_expected:.3}; {:.2} us a step", estimator_us.p50)?;
         if *failed > 0 {
             write!(f, "; {failed} corrections failed")?;
         }
-        if *rejected > 0 {
-            write!(f, "; {rejected} measurements rejected as too far from what was expected")?;
+        for (i, (name, rmse)) in estimator.estimate_rmse.iter().enumerate() {
+            write!(f, "{} {name} {}", if i == 0 { "; RMSE" } else { "," }, significant(*rmse))?;
         }
-        for (i, (name, rmse)) in rmse.iter().enumerate() {
-            write!(f, "{} {name} {rmse:.6}", if i == 0 { "; RMSE" } else { "," })?;
-        }
-        Ok(())
+        estimator.notes(*rows).iter().try_for_each(|note| write!(f, "\n{note}"))
     }
 }
 
@@ -82,13 +69,14 @@ pub fn estimate(
     let initial_input = initial_input.as_deref();
     let found = run((filter.as_mut(), initial_input), &text, &variables, &measured, sample_time_s);
     let at = |(line, problem): At| RunError::Csv { path: data.to_owned(), line, problem };
-    let Run { rows, failed, used, step_us, squared } = found.map_err(at)?;
-    let table = EstimateTable { names, measured, rows };
+    let Run { t, history, step_us } = found.map_err(at)?;
+    let estimator = feedback::metrics(&history, (&variables.state_names(), &measured), step_us);
     if let Some(output) = output {
+        let table = feedback::table(&history, (names, measured), |k| t[k]);
         write_atomically(output, table.estimates_to_csv().as_bytes())?;
     }
-    let summary = summary(&table, used, squared, &variables);
-    Ok(Estimated { failed, step_us: StepTimes::of(step_us).p50, ..summary })
+    let failed = history.corrections.iter().filter(|c| !c.status.has_succeeded()).count();
+    Ok(Estimated { rows: t.len(), failed, estimator })
 }
 
 /// The estimator of a config, with the names of its numbers.
@@ -154,40 +142,14 @@ pub fn estimator(
     })
 }
 
-fn summary(
-    table: &EstimateTable,
-    used: usize,
-    squared: Option<Vec<f64>>,
-    variables: &Variables,
-) -> Estimated {
-    let nis: Vec<f64> = table.rows.iter().map(|row| row.nis).filter(|v| !v.is_nan()).collect();
-    #[expect(clippy::cast_precision_loss, reason = "no file has 2^53 rows")]
-    let (judged, used, rows) = (nis.len() as f64, used as f64, table.rows.len() as f64);
-    let names = variables.state_names().into_iter();
-    Estimated {
-        rows: table.rows.len(),
-        nis_mean: nis.iter().sum::<f64>() / judged,
-        nis_expected: used / judged,
-        nis_rows: nis.len(),
-        failed: 0,
-        rejected: table.rows.iter().map(|row| row.rejected).sum(),
-        step_us: f64::NAN,
-        rmse: squared.map_or_else(Vec::new, |squared| {
-            names.zip(squared).map(|(name, sum)| (name, (sum / rows).sqrt())).collect()
-        }),
-    }
-}
-
 /// What was made of a file.
+#[derive(Default)]
 struct Run {
-    rows: Vec<EstimateRow>,
-    failed: usize,
-    /// How many measurements were used in the rows that have a normalized innovation squared.
-    used: usize,
+    /// The times of the rows.
+    t: Vec<f64>,
+    history: History,
     /// How long each row took.
     step_us: Vec<f64>,
-    /// The sums of squared errors of the states, if their truth is known.
-    squared: Option<Vec<f64>>,
 }
 
 fn run(
@@ -199,8 +161,7 @@ fn run(
 ) -> Result<Run, At> {
     let (header, rows) = rows(text)?;
     let columns = Columns::find(&header, variables, measured).map_err(|problem| (1, problem))?;
-    let mut run = Run { rows: Vec::new(), failed: 0, used: 0, step_us: Vec::new(), squared: None };
-    run.squared = columns.states.as_ref().map(|states| vec![0.0; states.len()]);
+    let mut run = Run::default();
     let mut before: Option<(f64, Vec<f64>)> = None;
     for row in rows {
         let (line, cells) = row?;
@@ -214,32 +175,23 @@ fn run(
         }
         let clock = Instant::now();
         match &before {
-            Some((_, u)) => _ = filter.predict(u),
+            Some((_, u)) => run.history.predictions.push(filter.predict(u)),
             None => filter.reset_input(initial_input.unwrap_or(&row.u)),
         }
         let correction = filter.correct(&row.y);
         run.step_us.push(1e6 * clock.elapsed().as_secs_f64());
-        run.failed += usize::from(!correction.status.has_succeeded());
-        run.used += if correction.nis.is_nan() { 0 } else { correction.measured };
-        let (z, n) = (filter.estimate(), filter.dims().nx);
-        if let (Some(squared), Some(truth)) = (&mut run.squared, &row.truth) {
-            for (sum, (z, x)) in squared.iter_mut().zip(z.iter().zip(truth)) {
+        if let Some(truth) = &row.truth {
+            let squared = &mut run.history.squared_errors;
+            squared.resize(truth.len(), 0.0);
+            for (sum, (z, x)) in squared.iter_mut().zip(filter.estimate().iter().zip(truth)) {
                 *sum += (z - x).powi(2);
             }
         }
-        run.rows.push(EstimateRow {
-            t: row.t,
-            estimate: z.to_vec(),
-            sd: filter.covariance().iter().step_by(n + 1).map(|v| v.sqrt()).collect(),
-            measured: row.y,
-            innovation: filter.innovation().to_vec(),
-            nis: correction.nis,
-            nees: f64::NAN,
-            rejected: correction.rejected,
-        });
+        run.history.take_note(filter, &row.y, correction);
+        run.t.push(row.t);
         before = Some((row.t, row.u));
     }
-    match run.rows.len() {
+    match run.t.len() {
         0 => Err(too_few_rows(0, 1)),
         _ => Ok(run),
     }

@@ -6,8 +6,8 @@ use pinc_config::{
     ControlSpec, EstimatorKind, EstimatorSpec, MeasurementSpec, ModelKind, Variables,
 };
 use pinc_estimate::{
-    Augmentation, Augmented, Ekf, Estimator, EstimatorStatus, History, Mhe, OutputFeedback,
-    SteadyTarget, Ukf,
+    Augmentation, Augmented, Correction, Ekf, Estimator, EstimatorStatus, History, Mhe,
+    OutputFeedback, SteadyTarget, Ukf,
 };
 use pinc_loop::{Observer, PlantNow};
 use pinc_ode::{DynPlant, Model};
@@ -169,20 +169,31 @@ impl LoopSetup<'_> {
         let (spec, measurement) = self.sections().expect("a history is of an estimator");
         let names = spec.names(&measurement, &variables);
         let measured = measurement.names(&variables);
-        let (nz, ny) = (names.len(), measured.len());
         #[expect(clippy::cast_precision_loss, reason = "no run has 2^53 steps")]
-        let row = |k: usize| EstimateRow {
-            t: k as f64 * self.sample_time_s,
-            estimate: history.estimates[k * nz..(k + 1) * nz].to_vec(),
-            sd: history.sd[k * nz..(k + 1) * nz].to_vec(),
-            measured: history.measured[k * ny..(k + 1) * ny].to_vec(),
-            innovation: history.innovations[k * ny..(k + 1) * ny].to_vec(),
-            nis: history.corrections[k].nis,
-            nees: history.nees[k],
-            rejected: history.corrections[k].rejected,
-        };
-        EstimateTable { names, measured, rows: (0..history.nees.len()).map(row).collect() }
+        let t = |k: usize| k as f64 * self.sample_time_s;
+        table(history, (names, measured), t)
     }
+}
+
+/// What an estimator did as a table, of what is estimated and measured, at these times of steps.
+pub(super) fn table(
+    history: &History,
+    (names, measured): (Vec<String>, Vec<String>),
+    t: impl Fn(usize) -> f64,
+) -> EstimateTable {
+    let (nz, ny) = (names.len(), measured.len());
+    let row = |(k, correction): (usize, &Correction)| EstimateRow {
+        t: t(k),
+        estimate: history.estimates[k * nz..(k + 1) * nz].to_vec(),
+        sd: history.sd[k * nz..(k + 1) * nz].to_vec(),
+        measured: history.measured[k * ny..(k + 1) * ny].to_vec(),
+        innovation: history.innovations[k * ny..(k + 1) * ny].to_vec(),
+        nis: correction.nis,
+        nees: history.nees.get(k).copied().unwrap_or(f64::NAN),
+        rejected: correction.rejected,
+    };
+    let rows = history.corrections.iter().enumerate().map(row).collect();
+    EstimateTable { names, measured, rows }
 }
 
 /// The numbers of a finished estimator, with the times of all of its steps.
@@ -199,7 +210,7 @@ pub(super) fn metrics(
     let errors = || history.nees.iter().filter(|nees| !nees.is_nan());
     let nees_steps = errors().count();
     let rmse = states.iter().cloned().zip(&history.squared_errors);
-    let steps = real(history.nees.len());
+    let steps = real(history.corrections.len());
     let mut status: BTreeMap<String, usize> = BTreeMap::new();
     let predictions = history.predictions.iter().filter(|s| **s != EstimatorStatus::Updated);
     for ended in history.corrections.iter().map(|c| &c.status).chain(predictions) {

@@ -165,6 +165,8 @@ class Estimates:
     """How many measurements the gate rejected."""
     rmse: dict[str, float]
     """The root mean square error by state, where the data have all true states."""
+    notes: list[str]
+    """What to know of the estimator: whether it is inconsistent, or rejected measurements."""
 
     @property
     def frame(self) -> "pandas.DataFrame":

@@ -2,6 +2,7 @@
 
 use crate::common::{outcome, pinc, repository};
 use pinc_record::{EstimateTable, Metrics};
+use std::fmt::Write;
 use std::fs;
 use std::path::{Path, PathBuf};
 
@@ -296,6 +297,74 @@ fn a_parameter_is_found_in_the_loop() {
     for offset in metrics.control[0].references.offset["x"].iter().flatten() {
         assert!(*offset < 0.02, "{offset}");
     }
+}
+
+/// The lag's parameter followed row by row: without drift it ends where the fit of all rows does, with
+/// half its interval as standard deviation; with drift it follows a change; and if it is taken for
+/// certain, or leaves the rows behind, the terminal says so.
+#[test]
+fn a_parameter_followed_through_a_record_agrees_with_the_fit_of_all_rows() {
+    let dir = tempfile::tempdir().unwrap();
+    let fit = "[identify]\nmeasurement_sd = [0.01]\ninitial_state = [0.0]\n\
+        parameters = [{ name = \"gain\", initial = 1.0, low = 0.5, high = 2.0 }]\n";
+    let kalman = LAG.replace("kind = \"mhe\"\nwindow = 8\n", "kind = \"ekf\"\n");
+    let config = written(dir.path(), &format!("{kalman}{fit}"));
+    let path = |name: &str| dir.path().join(name).to_str().unwrap().to_owned();
+    let write = |name: &str, gain: &dyn Fn(u32) -> f64| {
+        let (mut x, mut text) = (0.0_f64, "t,u,y_x,x\n".to_owned());
+        for row in 0..240_u32 {
+            let u = f64::from(row / 12 * 7 % 5) - 2.0;
+            // Uniform, with a standard deviation of 0.01.
+            let noise = 0.0346 * (f64::from(row * 7919 % 1009) / 1009.0 - 0.5);
+            writeln!(text, "{},{u},{},{x}", 0.5 * f64::from(row), x + noise).unwrap();
+            x += (gain(row) * u - x) * (1.0 - (-0.25_f64).exp());
+        }
+        fs::write(path(name), text).unwrap();
+    };
+    write("held.csv", &|_| 0.8);
+    write("changed.csv", &|row| if row < 120 { 0.8 } else { 1.1 });
+    let follow = |data: &str, kind: &str, sets: &[&str]| {
+        let (config, data, out) = (config.to_str().unwrap(), path(data), path("out.csv"));
+        let kind = format!("control.estimator.kind={kind}");
+        let mut command = pinc(&["estimate", config, "--data", &data, "--output", &out]);
+        command.args(["--set", "control.estimator.process_sd=[1e-6]", "--set", &kind]);
+        sets.iter().for_each(|set| _ = command.args(["--set", set]));
+        let found = outcome(&mut command);
+        assert_eq!(found.code, Some(0), "{found:?}");
+        let last = columns(Path::new(&out)).1.pop().unwrap();
+        (last[2], last[4], found.stdout)
+    };
+    let gain = |initial: f64, sd: f64, drift: f64| {
+        format!(
+            "control.estimator.parameters=[{{ name = \"gain\", initial = {initial}, \
+             initial_sd = {sd}, drift_sd = {drift} }}]"
+        )
+    };
+
+    let out = path("fit");
+    let arguments = ["identify", "--data", &path("held.csv"), "--out", &out];
+    let found = outcome(pinc(&arguments).arg(&config));
+    assert_eq!(found.code, Some(0), "{found:?}");
+    let json = fs::read_to_string(Path::new(&out).join("identify.json")).unwrap();
+    let json: serde_json::Value = serde_json::from_str(&json).unwrap();
+    let of = |key: &str| json["parameters"]["gain"][key].as_f64().unwrap();
+    let (value, half_width) = (of("value"), of("half_width_95"));
+    assert!((value - 0.8).abs() < half_width, "{value} +- {half_width}");
+    for kind in ["ekf", "ukf"] {
+        let (last, sd, said) = follow("held.csv", kind, &[&gain(1.0, 0.3, 0.0)]);
+        assert!((last - value).abs() < 0.1 * half_width, "{kind}: {last}, {value}");
+        assert!((1.97 * sd / half_width - 1.0).abs() < 0.1, "{kind}: {sd}, {half_width}");
+        assert!(!said.contains("inconsistent") && !said.contains("rejected"), "{said}");
+    }
+
+    let (last, sd, _) = follow("changed.csv", "ekf", &[&gain(1.0, 0.3, 0.01)]);
+    assert!((last - 1.1).abs() < 3.0 * sd && sd < 0.03, "{last} +- {sd}");
+    let (last, _, said) = follow("changed.csv", "ekf", &[&gain(0.8, 1e-6, 0.0)]);
+    assert!((last - 0.8).abs() < 1e-3, "{last}");
+    assert!(said.contains("the estimator is inconsistent: its mean NIS is "), "{said}");
+    let (_, _, said) =
+        follow("held.csv", "ekf", &[&gain(-2.0, 1e-6, 0.0), "control.estimator.gate=1.0"]);
+    assert!(said.contains("in 240 steps the estimator's gate rejected measurements: "), "{said}");
 }
 
 #[test]
