@@ -2,6 +2,7 @@
 
 mod base;
 mod session;
+mod until;
 
 use crate::sweep;
 use base::Base;

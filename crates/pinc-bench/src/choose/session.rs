@@ -1,6 +1,7 @@
 //! Trying candidates, one after the other, within a time.
 
 use super::base::Base;
+use super::until::until;
 use pinc_choose::{Candidate, Loops, Purpose, Score, Tried};
 use pinc_config::{Experiment, Plants, Trial, trials};
 use pinc_record::{
@@ -83,6 +84,9 @@ impl<'a> Session<'a> {
         let sweep = self.sweep(&candidate.case(repetitions(purpose), &self.base.iterations()))?;
         let made = trials(&sweep).expect("the experiment was checked, and its trials with it");
         let mut trial = made.into_iter().next().expect("a sweep with one case has one trial");
+        if let (Candidate::Net { .. }, Some(control)) = (candidate, &mut trial.experiment.control) {
+            (control.error_tolerance, control.on_error) = self.base.guard.clone();
+        }
         if let Purpose::Time { round, .. } = purpose {
             trial.id = format!("{}-{round}", trial.id);
             // Its single steps were looked at when it was tried.
@@ -140,7 +144,7 @@ impl<'a> Session<'a> {
         let dir = self.sweep_dir.begin(&trial.id)?;
         let mut run_dir = RunDir::of_trial(&dir, &trial.experiment, false);
         let user = self.options.interrupt;
-        let worked = pinc_runs::clock::until(limit, user, |interrupt| {
+        let worked = until(limit, user, |interrupt| {
             let quiet = Verbosity::Quiet;
             let options = Options { resume: true, verbosity: quiet, interrupt, ..*self.options };
             self.train_and_run(trial, &mut run_dir, &options)
