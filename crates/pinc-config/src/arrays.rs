@@ -19,6 +19,7 @@ use pinc_expr::Equations;
 use pinc_ode::Variable;
 use std::collections::BTreeMap;
 use std::ops::Range;
+use std::path::PathBuf;
 use toml::{Table, Value};
 
 /// A value, or the key and what is wrong there.
@@ -27,9 +28,9 @@ type Checked<T> = Result<T, (String, Problem)>;
 /// The equations, if the plant is a text, and the names of states, inputs and own outputs.
 type Named = (Option<Equations>, [Vec<String>; 3]);
 
-/// How lists were written in a file, by their keys. No result depends on it: all are equal.
+/// How lists were written in a file, by their keys, and the file. No result depends on it: all are equal.
 #[derive(Clone, Debug, Default)]
-pub(crate) struct AsWritten(Vec<(String, Value)>);
+pub(crate) struct AsWritten(Vec<(String, Value)>, pub(crate) PathBuf);
 
 impl PartialEq for AsWritten {
     fn eq(&self, _: &Self) -> bool {
@@ -147,7 +148,7 @@ pub(crate) fn write_out(table: &mut Table, plants: &Plants) -> Checked<AsWritten
     lists.tables(&SOME_STATES, &states);
     lists.tables(&SOME_INPUTS, &inputs);
     lists.tables(&SOME_OUTPUTS, &outputs);
-    Ok(AsWritten(lists.written))
+    Ok(AsWritten(lists.written, PathBuf::new()))
 }
 
 /// The names of a plant with arrays, or of any plant if a list is written by name.

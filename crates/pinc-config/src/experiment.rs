@@ -132,7 +132,16 @@ impl Experiment {
             return Err(layers.error(key, Problem::NotFinite(value)));
         }
         let experiment = Self::from_table(std::mem::take(&mut layers.table), plants);
-        experiment.map_err(|(key, problem)| layers.error(key, problem))
+        let mut experiment = experiment.map_err(|(key, problem)| layers.error(key, problem))?;
+        path.clone_into(&mut experiment.as_written.1);
+        Ok(experiment)
+    }
+
+    /// The file that it was read from, or else its name.
+    #[must_use]
+    pub fn source(&self) -> String {
+        let file = self.as_written.1.display().to_string();
+        if file.is_empty() { self.name.clone() } else { file }
     }
 
     /// Reads the resolved config of a finished run from the `text` of the file `path`. It was

@@ -47,6 +47,15 @@ static pinc_slave *pinc_of(fmi2Component instance)
     return &((pinc_instance *)instance)->slave;
 }
 
+/* Logs an error. */
+static void pinc_say(fmi2Component c, const char *text)
+{
+    const fmi2CallbackFunctions *callbacks = &((pinc_instance *)c)->callbacks;
+    if (callbacks->logger != NULL) {
+        callbacks->logger(callbacks->componentEnvironment, "@name@", fmi2Error, "error", "%s", text);
+    }
+}
+
 #ifdef __cplusplus
 extern "C" {
 #endif
@@ -105,7 +114,7 @@ PINC_EXPORT fmi2Status PINC_FMI(fmi2SetupExperiment)(fmi2Component c, fmi2Boolea
 
 PINC_EXPORT fmi2Status PINC_FMI(fmi2EnterInitializationMode)(fmi2Component c)
 {
-    pinc_begin_run(pinc_of(c));
+    (void)pinc_begin_run(pinc_of(c));
     return fmi2OK;
 }
 

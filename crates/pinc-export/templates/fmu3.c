@@ -41,6 +41,15 @@ static pinc_slave *pinc_of(fmi3Instance instance)
     return &((pinc_instance *)instance)->slave;
 }
 
+/* Logs an error. */
+static void pinc_say(fmi3Instance c, const char *text)
+{
+    const pinc_instance *instance = (pinc_instance *)c;
+    if (instance->log != NULL) {
+        instance->log(instance->environment, fmi3Error, "error", text);
+    }
+}
+
 #ifdef __cplusplus
 extern "C" {
 #endif
@@ -93,7 +102,7 @@ PINC_EXPORT fmi3Status PINC_FMI(fmi3EnterInitializationMode)(
     (void)stopTimeDefined;
     (void)stopTime;
     pinc_of(c)->time = startTime;
-    pinc_begin_run(pinc_of(c));
+    (void)pinc_begin_run(pinc_of(c));
     return fmi3OK;
 }
 
@@ -157,11 +166,7 @@ PINC_EXPORT fmi3Status PINC_FMI(fmi3DoStep)(fmi3Instance c, fmi3Float64 from, fm
     *terminateSimulation = false;
     *earlyReturn = false;
     if (pinc_advance(pinc_of(c), from, length) != 0) {
-        const pinc_instance *instance = (pinc_instance *)c;
-        if (instance->log != NULL) {
-            instance->log(instance->environment, fmi3Error, "error",
-                          "the step was not taken: " PINC_REFUSAL);
-        }
+        pinc_say(c, "the step was not taken: " PINC_REFUSAL);
         return fmi3Error;
     }
     *lastTime = pinc_of(c)->time;

@@ -12,8 +12,11 @@ PINC_EXPORT @FMI@Status PINC_FMI(@FMI@SetDebugLogging)(@INSTANCE@ c, @FMI@Boolea
 
 PINC_EXPORT @FMI@Status PINC_FMI(@FMI@ExitInitializationMode)(@INSTANCE@ c)
 {
-    pinc_begin_run(pinc_of(c));
-    return @FMI@OK;
+    if (pinc_begin_run(pinc_of(c)) == 0) {
+        return @FMI@OK;
+    }
+    pinc_say(c, "an input before the first sample (_start) is not a number within its bounds");
+    return @FMI@Error;
 }
 
 PINC_EXPORT @FMI@Status PINC_FMI(@FMI@Terminate)(@INSTANCE@ c)

@@ -37,5 +37,5 @@ static void pinc_set_defaults(pinc_slave *s)
 {
     memset(s, 0, sizeof(*s));
     memcpy(s->reals, pinc_starts, sizeof(s->reals));
-    pinc_begin_run(s);
+    (void)pinc_begin_run(s);
 }

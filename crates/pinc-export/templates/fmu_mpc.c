@@ -13,26 +13,6 @@
 /* All bounds, low and high ones of states, then of inputs; which can be changed. */
 @BOUND_TABLES@#endif
 
-static void pinc_begin_run(pinc_slave *s)
-{
-    PINC_REAL u[PINC_NU];
-    int given = 0;
-    int i;
-    @CONTROLLER@_init(&s->before);
-    for (i = 0; i < PINC_NU; i++) {
-        const double value = s->reals[PINC_FIRST_START + i];
-        const double own = pinc_starts[PINC_FIRST_START + i];
-        u[i] = PINC_N(value);
-        given = ((value < own) || (value > own)) ? 1 : given;
-    }
-    if (given != 0) {
-        @RESET@(&s->before, u);
-    }
-    s->computed = 0;
-    s->start = s->time;
-    s->steps = 0.0;
-}
-
 /* Gives the controller its weights and bounds; 0 if it refuses them. */
 static int pinc_tune(pinc_slave *s)
 {
@@ -65,6 +45,33 @@ static int pinc_tune(pinc_slave *s)
                 : 0;
 #endif
     return good;
+}
+
+/* Begins with the start values; 0 if an input that is given in place of the config's can be one that
+   was applied. */
+static int pinc_begin_run(pinc_slave *s)
+{
+    PINC_REAL u[PINC_NU];
+    int given = 0;
+    int refused = 0;
+    int i;
+    @CONTROLLER@_init(&s->before);
+    for (i = 0; i < PINC_NU; i++) {
+        const double value = s->reals[PINC_FIRST_START + i];
+        const double own = pinc_starts[PINC_FIRST_START + i];
+        u[i] = PINC_N(value);
+        given = ((value >= own) && (value <= own)) ? given : 1;
+    }
+    if (given != 0) {
+        s->after = s->before;
+        (void)pinc_tune(s);
+        refused = (@CONTROLLER@_set_applied(&s->after, u) == PINC_CONVERGED) ? 0 : 1;
+        @RESET@(&s->before, u);
+    }
+    s->computed = 0;
+    s->start = s->time;
+    s->steps = 0.0;
+    return refused;
 }
 
 /* Computes the step at hand, for what is measured and asked now. */

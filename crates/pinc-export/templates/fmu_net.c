@@ -4,7 +4,7 @@ static double *pinc_outputs(pinc_slave *s)
     return s->reals;
 }
 
-static void pinc_begin_run(pinc_slave *s)
+static int pinc_begin_run(pinc_slave *s)
 {
     int i;
     for (i = 0; i < PINC_NX; i++) {
@@ -16,6 +16,7 @@ static void pinc_begin_run(pinc_slave *s)
     }
     s->origin = s->time;
     s->marks = 0.0;
+    return 0;
 }
 
 static void pinc_refresh(pinc_slave *s)

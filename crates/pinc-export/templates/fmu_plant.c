@@ -4,9 +4,10 @@
 /* The longest substep, in s. */
 #define PINC_FINE_S @FINE@
 
-static void pinc_begin_run(pinc_slave *s)
+static int pinc_begin_run(pinc_slave *s)
 {
     memcpy(s->reals, s->reals + (PINC_INPUTS + PINC_NU), PINC_NX * sizeof(double));
+    return 0;
 }
 
 static void pinc_refresh(pinc_slave *s)

@@ -138,17 +138,17 @@ fn curvature_dropped(of: &ControlMetrics) -> Option<Finding> {
 
 /// A hard bound that was broken.
 fn broken_bound(violation: &ViolationMetrics, time_unit: Option<TimeUnit>) -> Finding {
-    let (when, advice) = match violation.is_between_steps() {
-        true => (
-            "between control steps",
-            "The controller keeps bounds at the ends of its steps only: shorten T, or tighten the \
-             bound by as much.",
-        ),
-        false => (
-            "at control steps",
-            "The model predicted otherwise, or the steps failed: use a more accurate model, or \
-             tighten the bound by as much.",
-        ),
+    let is_between = violation.is_between_steps();
+    let when = if is_between { "between control steps" } else { "at control steps" };
+    let advice = if violation.from_step > 1 {
+        "Plans keep the bounds of outputs from step n1 on only: set control.n1 = 1, or tighten the \
+         bound by as much."
+    } else if is_between {
+        "The controller keeps bounds at the ends of its steps only: shorten T, or tighten the \
+         bound by as much."
+    } else {
+        "The model predicted otherwise, or the steps failed: use a more accurate model, or \
+         tighten the bound by as much."
     };
     let (of, shown) = (&violation.of, violation.shown(time_unit));
     Finding::new(format!("{of} broke a hard bound {when}: it was {shown}."), advice)
@@ -289,6 +289,7 @@ mod tests {
             time_s: 12.5,
             at_steps,
             share: amount / 4.0,
+            from_step: 1,
         };
         let notes = |violations: &[ViolationMetrics]| {
             let mut all = of(ModelKind::RK4, [None; 3], &[(SqpStatus::Converged, 30)]);
@@ -313,6 +314,15 @@ mod tests {
             notes(&[ViolationMetrics { side: "low".to_owned(), ..broken(0.046, 0.04, true) }]);
         assert!(at_steps[0].contains("at control steps: it was 0.0460 V below"), "{at_steps:?}");
         assert!(at_steps[0].contains("a more accurate model"), "{at_steps:?}");
+        // An output has no rows before step n1: neither a model nor T is to blame.
+        for at_steps in [0.0, 0.04] {
+            let late = ViolationMetrics { from_step: 3, ..broken(0.046, at_steps, true) };
+            let note = &notes(&[late])[0];
+            assert!(
+                note.ends_with("set control.n1 = 1, or tighten the bound by as much."),
+                "{note}"
+            );
+        }
         // Soft bounds, and what the optimizer's tolerance leaves, are no news.
         assert_eq!(notes(&[broken(0.046, 0.046, false), broken(3e-4, 3e-4, true)]), [""; 0]);
         assert_eq!(notes(&[broken(5e-4, 0.0, true)]).len(), 1);

@@ -30,12 +30,15 @@ pub struct ViolationMetrics {
     pub at_steps: f64,
     /// The amount as a share of the quantity's largest absolute value.
     pub share: f64,
+    /// The step of a plan from which on the controller keeps it: `n1` for outputs, 1 for others.
+    #[serde(default)]
+    pub from_step: usize,
 }
 
 impl ViolationMetrics {
-    /// The violation of a bound of the quantity `of`.
+    /// The violation of a bound of the quantity `of`, which plans keep from a step on.
     #[must_use]
-    pub fn new(violation: &Violation, of: &str, unit: &str) -> Self {
+    pub fn new(violation: &Violation, of: &str, unit: &str, from_step: usize) -> Self {
         Self {
             of: of.to_owned(),
             unit: unit.to_owned(),
@@ -50,6 +53,7 @@ impl ViolationMetrics {
             time_s: violation.time_s,
             at_steps: violation.at_steps,
             share: violation.amount / violation.size.max(violation.bound.abs()),
+            from_step,
         }
     }
 

@@ -62,7 +62,7 @@ impl<'e> Chosen<'e> {
         command: &'static str,
     ) -> Result<Self, RunError> {
         let name = &experiment.name;
-        let missing = |section| RunError::missing_section(name, section, command);
+        let missing = |section| RunError::missing_section(experiment, section, command);
         let spec = experiment.control.as_ref().ok_or_else(|| missing("control"))?;
         if !spec.parameter_schedule.is_empty() {
             let key = "control.parameter_schedule";

@@ -2,6 +2,7 @@
 
 use super::Options;
 use super::feedback::{self, TimedFeedback};
+use super::first_plan::first_plan;
 use super::guard::Guard;
 use super::loop_error;
 use super::model_error;
@@ -381,7 +382,7 @@ impl LoopSetup<'_> {
             Some(input) => run.with_initial_input(input)?,
             None => run,
         };
-        Ok(match self.first_plan()? {
+        Ok(match first_plan(self.spec, &Variables::of(self.truth), self.sample_time_s)? {
             Some(inputs) => run.with_first_plan(&inputs)?,
             None => run,
         })
@@ -429,12 +430,12 @@ impl LoopSetup<'_> {
     /// The bounds that the plant broke.
     fn violations(&self, run: &ClosedLoop<'_>) -> Vec<ViolationMetrics> {
         let named = |violation: &Violation| {
-            let variable = match violation.of {
-                Bounded::State(i) => &self.truth.states()[i],
-                Bounded::Input(i) => &self.truth.inputs()[i],
-                Bounded::Output(i) => &self.truth.outputs()[i],
+            let (variable, from_step) = match violation.of {
+                Bounded::State(i) => (&self.truth.states()[i], 1),
+                Bounded::Input(i) => (&self.truth.inputs()[i], 1),
+                Bounded::Output(i) => (&self.truth.outputs()[i], self.spec.n1),
             };
-            ViolationMetrics::new(violation, &variable.name, &variable.unit)
+            ViolationMetrics::new(violation, &variable.name, &variable.unit, from_step)
         };
         run.violations().map(named).collect()
     }

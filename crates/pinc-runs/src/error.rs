@@ -111,11 +111,11 @@ impl RunError {
         Self::Usage { subject: subject.to_string(), problem: problem.into() }
     }
 
-    /// The config `name` lacks a section that `command` needs.
+    /// A config lacks a section that `command` needs.
     #[must_use]
-    pub fn missing_section(name: &str, section: &str, command: &str) -> Self {
+    pub fn missing_section(config: &Experiment, section: &str, command: &str) -> Self {
         let problem = format!("the config has no section [{section}], which `{command}` needs");
-        Self::usage(name, problem)
+        Self::usage(config.source(), problem)
     }
 
     /// The config's trials lack a metric that is to be minimized.

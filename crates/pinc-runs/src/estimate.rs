@@ -106,7 +106,7 @@ pub fn estimator(
     model: Option<ModelFile<'_>>,
     only: Option<ModelKind>,
 ) -> Result<ConfigEstimator, RunError> {
-    let missing = |section| RunError::missing_section(&experiment.name, section, "estimate");
+    let missing = |section| RunError::missing_section(experiment, section, "estimate");
     let spec = experiment.control.as_ref().ok_or_else(|| missing("control"))?;
     let estimator = spec.estimator.as_ref().ok_or_else(|| missing("control.estimator"))?;
     let net = model.map(|file| file.matching(experiment)).transpose()?;

@@ -337,7 +337,7 @@ pub fn export_plant(
     out: Option<&Path>,
 ) -> Result<PathBuf, RunError> {
     let command = "pinc export --plant";
-    let missing = |section| RunError::missing_section(&experiment.name, section, command);
+    let missing = |section| RunError::missing_section(experiment, section, command);
     let control = experiment.control.as_ref().ok_or_else(|| missing("control"))?;
     let sample_time_s = experiment.sample_time_s().ok_or_else(|| missing("model"))?;
     let spec = control.plant.as_ref().unwrap_or(&experiment.plant);

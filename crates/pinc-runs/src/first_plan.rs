@@ -1,56 +1,54 @@
 //! The first plan of a loop, where the config gives one.
 
 use super::columns::{At, rows};
-use super::control::LoopSetup;
 use super::recorded::Columns;
 use crate::RunError;
-use pinc_config::Variables;
+use pinc_config::{ControlSpec, Variables};
 use pinc_ode::PiecewiseConstant;
 use pinc_record::read_file;
 
-impl LoopSetup<'_> {
-    /// The inputs of the first plan, `[Nu, m]`, if the config gives them.
-    pub(super) fn first_plan(&self) -> Result<Option<Vec<f64>>, RunError> {
-        let Some(given) = &self.spec.first_plan else { return Ok(None) };
-        if let Some(input) = &given.input {
-            return Ok(Some(input.repeat(self.spec.nu)));
-        }
-        let Some(path) = &given.file else { return Ok(None) };
-        let signal = self.recorded(&read_file(path)?);
-        let signal = signal.map_err(|(line, problem)| RunError::Csv {
-            path: path.clone(),
-            line,
-            problem,
-        })?;
-        let signal = PiecewiseConstant::new(signal.0, signal.1)?;
-        let lengths = self.spec.stages(self.sample_time_s).into_iter();
-        let lengths = lengths.flat_map(|(length, count)| std::iter::repeat_n(length, count));
-        let mut begin = 0.0;
-        let mut inputs = Vec::new();
-        for length in lengths.take(self.spec.nu) {
-            inputs.extend_from_slice(signal.at(begin));
-            begin += length;
-        }
-        Ok(Some(inputs))
+/// The inputs of the first plan, `[Nu, m]`, if the config gives them.
+pub(super) fn first_plan(
+    spec: &ControlSpec,
+    variables: &Variables,
+    sample_time_s: f64,
+) -> Result<Option<Vec<f64>>, RunError> {
+    let Some(given) = &spec.first_plan else { return Ok(None) };
+    if let Some(input) = &given.input {
+        return Ok(Some(input.repeat(spec.nu)));
     }
+    let Some(path) = &given.file else { return Ok(None) };
+    let signal = recorded(variables, &read_file(path)?);
+    let signal =
+        signal.map_err(|(line, problem)| RunError::Csv { path: path.clone(), line, problem })?;
+    let signal = PiecewiseConstant::new(signal.0, signal.1)?;
+    let lengths = spec.stages(sample_time_s).into_iter();
+    let lengths = lengths.flat_map(|(length, count)| std::iter::repeat_n(length, count));
+    let mut begin = 0.0;
+    let mut inputs = Vec::new();
+    for length in lengths.take(spec.nu) {
+        inputs.extend_from_slice(signal.at(begin));
+        begin += length;
+    }
+    Ok(Some(inputs))
+}
 
-    /// The times of a recording, counted from its first row, and its inputs.
-    fn recorded(&self, text: &[u8]) -> Result<(Vec<f64>, Vec<Vec<f64>>), At> {
-        let (header, rows) = rows(text)?;
-        let columns = Columns::find(&header, &Variables::of(self.truth), &[]);
-        let columns = columns.map_err(|problem| (1, problem))?.without_truth();
-        let (mut times, mut inputs): (Vec<f64>, Vec<Vec<f64>>) = (Vec::new(), Vec::new());
-        for row in rows {
-            let (line, cells) = row?;
-            let row = columns.read(&cells).map_err(|problem| (line, problem))?;
-            // Inputs that hold on are one value.
-            if inputs.last() != Some(&row.u) {
-                times.push(row.t);
-                inputs.push(row.u);
-            }
+/// The times of a recording, counted from its first row, and its inputs.
+fn recorded(variables: &Variables, text: &[u8]) -> Result<(Vec<f64>, Vec<Vec<f64>>), At> {
+    let (header, rows) = rows(text)?;
+    let columns = Columns::find(&header, variables, &[]);
+    let columns = columns.map_err(|problem| (1, problem))?.without_truth();
+    let (mut times, mut inputs): (Vec<f64>, Vec<Vec<f64>>) = (Vec::new(), Vec::new());
+    for row in rows {
+        let (line, cells) = row?;
+        let row = columns.read(&cells).map_err(|problem| (line, problem))?;
+        // Inputs that hold on are one value.
+        if inputs.last() != Some(&row.u) {
+            times.push(row.t);
+            inputs.push(row.u);
         }
-        let first = times.first().copied().unwrap_or(0.0);
-        times.iter_mut().for_each(|t| *t -= first);
-        Ok((times, inputs))
     }
+    let first = times.first().copied().unwrap_or(0.0);
+    times.iter_mut().for_each(|t| *t -= first);
+    Ok((times, inputs))
 }

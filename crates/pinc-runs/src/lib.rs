@@ -65,6 +65,7 @@ pub use domain_error::proven_net_error;
 pub use error::RunError;
 pub use estimate::{ConfigEstimator, Estimated, estimate, estimator};
 pub use export::{Target, export_controller, export_controller_with, export_net, export_plant};
+use first_plan::first_plan;
 pub use identify::identify;
 pub use live::{Follow, LiveController, LiveStep};
 pub use live_state::LiveState;
@@ -81,7 +82,7 @@ pub use training_setup::TrainingSetup;
 pub use trial::{run_trial, train_shared};
 
 use crate::invocation::invocation;
-use pinc_config::{Experiment, LoopParameters, MOST_STEPS, ModelKind, PlantInTheLoop};
+use pinc_config::{Experiment, LoopParameters, MOST_STEPS, ModelKind, PlantInTheLoop, Variables};
 use pinc_net::PincNet;
 use pinc_ode::Simulator;
 use pinc_record::{
@@ -266,7 +267,7 @@ struct Plan {
 impl Plan {
     fn of(experiment: &Experiment, command: Command) -> Result<Self, RunError> {
         let name = &experiment.name;
-        let missing = |section, command| RunError::missing_section(name, section, command);
+        let missing = |section, command| RunError::missing_section(experiment, section, command);
         let configured = experiment.control.as_ref().map(|c| c.models.clone());
         let mut plan = Self { trains: false, runs_free: false, loops: Vec::new(), given: None };
         let is_net = |kind: &ModelKind| {
@@ -307,16 +308,20 @@ impl Plan {
             // Before a training of minutes is in vain.
             proof::check_ahead(experiment, plan.given.as_ref().map(|(_, net)| net))?;
         }
-        if !plan.loops.is_empty() && plan.given.is_none() && experiment.sample_time_s().is_none() {
-            return Err(missing("model", "a closed loop without control.step_s"));
-        }
-        if let Some(spec) = experiment.control.as_ref()
-            && plan.loops.contains(&ModelKind::Policy)
-        {
+        // The files are read before there is a directory.
+        if let Some(spec) = experiment.control.as_ref().filter(|_| !plan.loops.is_empty()) {
             let of_net = plan.given.as_ref().map(|(_, net)| net.sample_time_s());
             let sample_time_s = experiment.sample_time_s().or(of_net);
-            let sample_time_s = sample_time_s.expect("it was checked above");
-            policy::read((spec, &*experiment.plant.dyn_plant()), sample_time_s)?;
+            let missing = || missing("model", "a closed loop without control.step_s");
+            let (sample_time_s, plant) =
+                (sample_time_s.ok_or_else(missing)?, &*experiment.plant.dyn_plant());
+            first_plan(spec, &Variables::of(plant), sample_time_s)?;
+            if plan.loops.contains(&ModelKind::Policy) {
+                policy::read((spec, plant), sample_time_s)?;
+            }
+        }
+        if plan.trains {
+            TrainingSetup::of(experiment)?.check_files(experiment)?;
         }
         Ok(plan)
     }

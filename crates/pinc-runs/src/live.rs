@@ -3,6 +3,7 @@
 use super::LoopSetup;
 use super::chosen::{Chosen, ModelFile};
 use super::feedback;
+use super::first_plan::first_plan;
 use super::guard::Guard;
 use super::model_error::{self, SharedLog};
 use crate::RunError;
@@ -142,7 +143,7 @@ impl LiveController {
             kind: chosen.kind,
             model_sha256: chosen.given.as_ref().map(|(bytes, _)| sha256(bytes)),
             reference: setup.reference()?,
-            first_plan: setup.first_plan()?,
+            first_plan: first_plan(setup.spec, &Variables::of(setup.truth), setup.sample_time_s)?,
             bounds: setup.bounds()?,
             window: vec![0.0; spec.n2 * spec.controlled.len()],
             x: vec![0.0; dims.nx],

@@ -65,6 +65,15 @@ pub(super) fn read(
     (spec, truth): (&ControlSpec, &dyn DynRhs),
     sample_time_s: f64,
 ) -> Result<PolicyNet, RunError> {
+    for (key, is_there) in [
+        ("control.estimator", spec.estimator.is_some()),
+        ("control.bound_schedule", !spec.bound_schedule.is_empty()),
+    ] {
+        if is_there {
+            let problem = format!("the model \"policy\" does not support {key}; leave it out");
+            return Err(RunError::usage("control.models", problem));
+        }
+    }
     let path = spec.policy.as_deref().expect("the config was checked for it");
     let refused = |problem: String| RunError::usage(path.display(), problem);
     let file = serde_json::from_slice(&read_file(path)?);
@@ -87,18 +96,9 @@ impl LoopSetup<'_> {
         &self,
         plant: &dyn DynPlant,
     ) -> Result<(Nmpc, Option<SharedLog>), RunError> {
-        let spec = self.spec;
-        for (key, is_there) in [
-            ("control.estimator", self.sections().is_some()),
-            ("control.bound_schedule", !spec.bound_schedule.is_empty()),
-        ] {
-            if is_there {
-                let problem = format!("the model \"policy\" does not support {key}; leave it out");
-                return Err(RunError::usage("control.models", problem));
-            }
-        }
-        let net = read((spec, self.truth), self.sample_time_s)?;
-        let (mut nmpc, log) = self.judged_controller(spec.model_of(ModelKind::Policy), plant)?;
+        let net = read((self.spec, self.truth), self.sample_time_s)?;
+        let (mut nmpc, log) =
+            self.judged_controller(self.spec.model_of(ModelKind::Policy), plant)?;
         let checked = Policy::new(net, &nmpc).and_then(|policy| Checked::new(policy, &mut nmpc));
         let checked =
             checked.map_err(|error| RunError::usage("control.policy", error.to_string()))?;

@@ -30,7 +30,7 @@ impl<'a> TrainingSetup<'a> {
     ///
     /// [`RunError`] if a section is missing.
     pub fn of(experiment: &'a Experiment) -> Result<Self, RunError> {
-        let missing = |section| RunError::missing_section(&experiment.name, section, "training");
+        let missing = |section| RunError::missing_section(experiment, section, "training");
         Ok(Self {
             net: experiment.model.as_ref().ok_or_else(|| missing("model"))?,
             domain: experiment.domain.as_ref().ok_or_else(|| missing("domain"))?,
@@ -93,6 +93,16 @@ impl<'a> TrainingSetup<'a> {
             seed,
             threads: 1,
         }
+    }
+
+    /// Reads the files of `[data]`.
+    ///
+    /// # Errors
+    ///
+    /// [`RunError`], naming the file and what is wrong with it.
+    pub(super) fn check_files(&self, experiment: &Experiment) -> Result<(), RunError> {
+        self.measured(experiment, |data| &data.files)?;
+        self.measured(experiment, |data| &data.held_out).map(drop)
     }
 
     /// What is in some of the files of `[data]`, if there are any.

@@ -1,11 +1,13 @@
 //! The experiment whose loop the candidates are tried in.
 
-use pinc_config::{ControlSpec, Experiment, ModelKind, Plants};
+use pinc_config::{ControlSpec, Experiment, ModelKind, OnError, Plants};
 use pinc_net::{Domain, TrainingTarget};
 use pinc_ode::DynPlant;
 use pinc_runs::RunError;
 use pinc_runs::Steps;
+use std::collections::BTreeMap;
 use std::fmt::Write;
+use std::mem;
 use std::path::Path;
 
 /// Points over the domain at which a step is looked at, and how long each of its times is measured.
@@ -18,6 +20,8 @@ pub(super) struct Base {
     pub(super) plant: Box<dyn DynPlant>,
     /// The config with the sections that trying needs.
     pub(super) experiment: Experiment,
+    /// The `error_tolerance` of the loops of nets, with their `on_error`.
+    pub(super) guard: (BTreeMap<String, f64>, OnError),
     /// The sources that nets can be trained on; empty if no net can be tried.
     pub(super) sources: Vec<TrainingTarget>,
     /// What cannot be tried or looked at, and why.
@@ -27,14 +31,15 @@ pub(super) struct Base {
 impl Base {
     /// The base of a config, which may name one of `plants`.
     pub(super) fn of(experiment: &Experiment, plants: &Plants) -> Result<Self, RunError> {
-        let (name, command) = (&experiment.name, "pinc choose");
-        let missing = |section| RunError::missing_section(name, section, command);
+        let command = "pinc choose";
+        let missing = |section| RunError::missing_section(experiment, section, command);
         let control = experiment.control.as_ref().ok_or_else(|| missing("control"))?;
         let step_s = experiment.sample_time_s().ok_or_else(|| missing("model"))?;
         let mut notes = Vec::new();
-        let mut own = experiment.clone();
+        let (mut own, mut guard) = (experiment.clone(), Default::default());
         (own.sweep, own.prediction) = (None, None);
         if let Some(control) = &mut own.control {
+            guard = (mem::take(&mut control.error_tolerance), mem::take(&mut control.on_error));
             // A section that is not there makes no sense of it; each case says its own model.
             control.models = vec![match experiment.plant.is_black_box() {
                 true => ModelKind::BlackBox,
@@ -99,7 +104,7 @@ impl Base {
         let text = format!("{}\n{added}", own.to_toml());
         let experiment = Experiment::parse(Path::new("pinc choose"), &text, &[], plants)?;
         let plant = experiment.plant.dyn_plant();
-        Ok(Self { plant, experiment, sources, notes })
+        Ok(Self { plant, experiment, guard, sources, notes })
     }
 }
 

@@ -3,6 +3,7 @@
 mod base;
 mod in_c;
 mod session;
+mod until;
 
 use crate::sweep;
 use base::Base;

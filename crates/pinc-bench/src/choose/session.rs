@@ -2,6 +2,7 @@
 
 use super::base::Base;
 use super::in_c::InC;
+use super::until::until;
 use super::{ChooseOptions, Timed};
 use pinc_choose::{Candidate, Loops, Purpose, Score, Tried};
 use pinc_config::{Experiment, Plants, Trial, trials};
@@ -103,6 +104,9 @@ impl<'a> Session<'a> {
         let sweep = self.sweep(&candidate.case(repetitions(purpose), &self.base.iterations()))?;
         let made = trials(&sweep).expect("the experiment was checked, and its trials with it");
         let mut trial = made.into_iter().next().expect("a sweep with one case has one trial");
+        if let (Candidate::Net { .. }, Some(control)) = (candidate, &mut trial.experiment.control) {
+            (control.error_tolerance, control.on_error) = self.base.guard.clone();
+        }
         if let Purpose::Time { round, .. } = purpose {
             trial.id = format!("{}-{round}", trial.id);
             // Its single steps were looked at when it was tried.
@@ -160,7 +164,7 @@ impl<'a> Session<'a> {
         let dir = self.sweep_dir.begin(&trial.id)?;
         let mut run_dir = RunDir::of_trial(&dir, &trial.experiment, false);
         let user = self.options.interrupt;
-        let worked = pinc_runs::clock::until(limit, user, |interrupt| {
+        let worked = until(limit, user, |interrupt| {
             let quiet = Verbosity::Quiet;
             let options = Options { resume: true, verbosity: quiet, interrupt, ..*self.options };
             self.train_and_run(trial, &mut run_dir, &options)

@@ -118,7 +118,7 @@ pub(crate) fn units_left(experiment: &Experiment, dir: &Path) -> Result<usize, R
 /// The trials of an experiment that has a sweep.
 fn made(experiment: &Experiment) -> Result<Vec<Trial>, RunError> {
     if experiment.sweep.is_none() {
-        return Err(RunError::missing_section(&experiment.name, "sweep", "a sweep"));
+        return Err(RunError::missing_section(experiment, "sweep", "a sweep"));
     }
     TrialMetric::searched(experiment).map_err(|e| RunError::unknown_metric(experiment, &e))?;
     Ok(trials(experiment).expect("the experiment was checked, and its trials with it"))

@@ -61,7 +61,7 @@ pub fn tune(
     options: &Options<'_>,
     only: Option<ModelKind>,
 ) -> Result<Tuned, RunError> {
-    let missing = |section| RunError::missing_section(&experiment.name, section, "pinc tune");
+    let missing = |section| RunError::missing_section(experiment, section, "pinc tune");
     let spec = experiment.tune.as_ref().ok_or_else(|| missing("tune"))?;
     let base = base(experiment, only)?;
     let cost = Cost::of(&base)?;
@@ -96,14 +96,22 @@ fn base(experiment: &Experiment, only: Option<ModelKind>) -> Result<Experiment, 
         return Err(RunError::missing_model(&experiment.name, only, &control.models));
     }
     control.models = only.or(first).into_iter().collect();
+    if control.models == [ModelKind::Policy] {
+        let problem = "`pinc tune` changes a controller, and the model \"policy\" is a net in its \
+                       place: name another of control.models with --only";
+        return Err(RunError::usage(&experiment.name, problem));
+    }
+    if !control.models.contains(&ModelKind::Pinc) {
+        (control.error_tolerance, control.on_error) = Default::default();
+    }
     control.repetitions = 1;
     if base.sample_time_s().is_none() {
-        return Err(RunError::missing_section(&base.name, "model", "pinc tune"));
+        return Err(RunError::missing_section(&base, "model", "pinc tune"));
     }
     if base.control.iter().any(|control| control.models.contains(&ModelKind::Pinc))
         && base.training.is_none()
     {
-        return Err(RunError::missing_section(&base.name, "training", "pinc tune with a net"));
+        return Err(RunError::missing_section(&base, "training", "pinc tune with a net"));
     }
     Ok(base)
 }

@@ -1,7 +1,7 @@
 //! Checks of `[control]`.
 
 use super::values::{
-    CONTROLLED, at_least_one, bounds, each, length, named_tolerances, names, not_negative,
+    CONTROLLED, alone, at_least_one, bounds, each, length, named_tolerances, names, not_negative,
     positive, tolerance, value, wrong_length,
 };
 use super::{Checked, Problem, cost, plant};
@@ -24,7 +24,7 @@ pub(super) fn closed_loop(
     }
     length("control.initial_state", &spec.initial_state, states, "state")?;
     if let Some(input) = &spec.initial_input {
-        length("control.initial_input", input, inputs, "input")?;
+        applied("control.initial_input", input, spec, inputs)?;
     }
     first_plan(spec, inputs)?;
     cost::parts(spec)?;
@@ -80,6 +80,10 @@ fn output_bounds(spec: &ControlSpec, variables: &Variables) -> Checked {
 
 fn error_tolerance(spec: &ControlSpec, variables: &Variables) -> Checked {
     named_tolerances("control.error_tolerance", &spec.error_tolerance, variables)?;
+    if !spec.error_tolerance.is_empty() && !spec.models.contains(&ModelKind::Pinc) {
+        let expected = "\"pinc\" among control.models: it judges steps of a net";
+        return value("control.error_tolerance", "a table", expected);
+    }
     if spec.error_tolerance.is_empty() && spec.on_error != OnError::Count {
         let expected = "a table `control.error_tolerance` beside it";
         return value("control.on_error", format!("{:?}", spec.on_error).to_lowercase(), expected);
@@ -89,15 +93,10 @@ fn error_tolerance(spec: &ControlSpec, variables: &Variables) -> Checked {
 
 fn starts(spec: &ControlSpec) -> Checked {
     at_least_one("control.sqp.starts", spec.sqp.starts)?;
-    for (other, is_there) in [
-        ("sqp.real_time", spec.sqp.real_time),
-        ("[control.uncertainty]", spec.uncertainty.is_some()),
-    ] {
-        if is_there && spec.sqp.starts > 1 {
-            return value("control.sqp.starts", spec.sqp.starts, &format!("1 with {other}"));
-        }
-    }
-    Ok(())
+    let several = |is_there| is_there && spec.sqp.starts > 1;
+    let (real_time, uncertain) = (several(spec.sqp.real_time), several(spec.uncertainty.is_some()));
+    let others = [("sqp.real_time", real_time), ("[control.uncertainty]", uncertain)];
+    alone("control.sqp.starts", spec.sqp.starts, "number", &others)
 }
 
 /// What is judged of a loop.
@@ -154,22 +153,24 @@ fn controlled(spec: &ControlSpec, variables: &Variables) -> Checked {
 fn first_plan(spec: &ControlSpec, inputs: usize) -> Checked {
     match spec.first_plan.as_ref().map(|plan| (&plan.input, &plan.file)) {
         None | Some((None, Some(_))) => Ok(()),
-        Some((Some(input), None)) => {
-            const KEY: &str = "control.first_plan.input";
-            length(KEY, input, inputs, "input")?;
-            let bounds = spec.input_low.iter().zip(&spec.input_high);
-            for (i, (u, (low, high))) in input.iter().zip(bounds).enumerate() {
-                if !(low..=high).contains(&u) {
-                    let expected = format!("from input_low = {low} to input_high = {high}");
-                    return value(&format!("{KEY}[{i}]"), u, &expected);
-                }
-            }
-            Ok(())
-        }
+        Some((Some(input), None)) => applied("control.first_plan.input", input, spec, inputs),
         Some((Some(_), Some(_)) | (None, None)) => {
             value("control.first_plan", "both or neither", "one of `input` and `file`")
         }
     }
+}
+
+/// Checks inputs that are applied: they are within their bounds.
+fn applied(key: &str, input: &[f64], spec: &ControlSpec, inputs: usize) -> Checked {
+    length(key, input, inputs, "input")?;
+    let bounds = spec.input_low.iter().zip(&spec.input_high);
+    for (i, (u, (low, high))) in input.iter().zip(bounds).enumerate() {
+        if !(low..=high).contains(&u) {
+            let expected = format!("from input_low = {low} to input_high = {high}");
+            return value(&format!("{key}[{i}]"), u, &expected);
+        }
+    }
+    Ok(())
 }
 
 fn horizons(spec: &ControlSpec) -> Checked {

@@ -2,7 +2,7 @@
 
 use super::Checked;
 use super::values::{alone, distinct, place, step_mark, value, whole_steps};
-use crate::{ControlSpec, Experiment, OnError, ParameterStep, Variables};
+use crate::{ControlSpec, Experiment, OnError, ParameterStep, Variables, steps};
 use std::collections::BTreeMap;
 
 /// Key of the parameters that the models are told.
@@ -94,6 +94,12 @@ fn bounds(spec: &ControlSpec, variables: &Variables) -> Checked {
 /// every positive time may be the mark of a step.
 pub(super) fn times(spec: &ControlSpec, sample_time_s: Option<f64>) -> Checked {
     whole_steps("control.duration_s", spec.duration_s, sample_time_s)?;
+    if let Some(most) = sample_time_s.map(|length_s| steps(spec.duration_s, length_s) - 1)
+        && spec.delay_steps > most
+    {
+        let expected = format!("at most {most}: no input would reach the plant within the run");
+        return value("control.delay_steps", spec.delay_steps, &expected);
+    }
     for (i, reference) in spec.references.iter().enumerate() {
         let key = format!("control.references[{i}].start_s");
         step_mark(&key, reference.start_s, sample_time_s)?;

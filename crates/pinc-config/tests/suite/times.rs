@@ -56,6 +56,16 @@ fn what_is_scheduled_acts_from_the_step_that_begins_then() {
     assert_eq!(plants(&both), [(0, 1.0, -1.0), (1, 1.0, -2.0), (3, 0.0, -2.0)]);
 }
 
+/// A delay as long as the loop leaves no step in which a chosen input acts.
+#[test]
+fn a_delay_is_shorter_than_the_loop() {
+    assert!(parse(LOOP, &["control.delay_steps=59"]).is_ok());
+    let error = parse(LOOP, &["control.delay_steps=60"]).unwrap_err();
+    for part in ["`control.delay_steps`", "60 given", "at most 59"] {
+        assert!(error.contains(part), "no {part} in {error}");
+    }
+}
+
 #[test]
 fn a_time_between_two_steps_is_refused_with_the_nearest_ones() {
     let schedule = "control.parameter_schedule=[{ start_s = 0.33, values = {} }]";

@@ -137,6 +137,7 @@ const START_DRIVER: &str = r#"
 #include <stdarg.h>
 #include <stdio.h>
 #include <stdlib.h>
+static int told = 0;
 static void said(fmi2ComponentEnvironment e, fmi2String i, fmi2Status s, fmi2String c, fmi2String m, ...)
 {
     char text[256];
@@ -147,7 +148,26 @@ static void said(fmi2ComponentEnvironment e, fmi2String i, fmi2Status s, fmi2Str
     va_start(given, m);
     vsnprintf(text, sizeof(text), m, given);
     va_end(given);
-    printf("%d\n%d\n", (int)s, strstr(text, "samples are every 0.5 s") != 0);
+    if (strstr(text, "before the first sample") == 0) {
+        printf("%d\n%d\n", (int)s, strstr(text, "samples are every 0.5 s") != 0);
+    } else {
+        told++;
+    }
+}
+/* Whether a run begins with this input before it, with this upper bound of it. */
+static int begins(const fmi2CallbackFunctions *callbacks, double input, double high)
+{
+    const fmi2ValueReference place[2] = {5, CTL_FIRST_BOUND + 5};
+    const fmi2Real values[2] = {input, high};
+    fmi2Component c = fmi2Instantiate("a", fmi2CoSimulation, CTL_GUID, "", callbacks, 0, 0);
+    const int before = told;
+    fmi2Status ended;
+    fmi2SetupExperiment(c, 0, 0.0, 0.0, 0, 0.0);
+    fmi2SetReal(c, place, 2, values);
+    fmi2EnterInitializationMode(c);
+    ended = fmi2ExitInitializationMode(c);
+    fmi2FreeInstance(c);
+    return (ended == fmi2OK) == (told == before) ? ended == fmi2OK : 9;
 }
 int main(void)
 {
@@ -163,6 +183,9 @@ int main(void)
     fmi2ExitInitializationMode(c);
     fmi2GetReal(c, u, 1, &input);
     printf("%.17g\n", input);
+    printf("%d\n%d\n%d\n", begins(&callbacks, 0.9, 1.0), begins(&callbacks, 1.1, 1.0),
+           begins(&callbacks, NAN, 1.0));
+    printf("%d\n%d\n", begins(&callbacks, 1.1, 1.2), begins(&callbacks, 0.9, 0.8));
     return fmi2DoStep(c, 0.0, 0.7, 1) != fmi2Error;
 }
 "#;
@@ -182,8 +205,10 @@ fn the_inputs_before_the_first_sample_are_given_and_a_refused_step_is_logged() {
     let expected = nmpc.step(&[0.6, -0.2], &[0.1, 0.0].repeat(5)).unwrap().u[0];
     assert!((found[0] - expected).abs() < 1e-9, "{found:?} {expected}");
     assert!((expected + 0.5).abs() < 0.061);
+    // Within the bounds as they are set, or with an error that is logged.
+    assert_eq!(found[1..6], [1.0, 0.0, 0.0, 1.0, 0.0]);
     // fmi2Error, with the sentence.
-    assert_eq!(found[1..], [3.0, 1.0]);
+    assert_eq!(found[6..], [3.0, 1.0]);
 }
 
 /// Variables of the plant that have names of the FMU's own are refused.

@@ -66,9 +66,6 @@ pub fn certify(
     what: &Certify,
 ) -> Result<CertificateMetrics, RunError> {
     let subject = Subject::of(experiment, model, only)?;
-    let mut run_dir = RunDir::open(dir, experiment, std::process::id())?;
-    let provenance = Provenance::of(experiment, invocation(options.arguments));
-    run_dir.write_provenance(&provenance, options.resume)?;
     let others = what.data.is_some() || what.run.is_some();
     let count = what.points.unwrap_or(if others { 0 } else { POINTS });
     let drawn = random(&subject.domain, count, experiment.seed);
@@ -76,6 +73,9 @@ pub fn certify(
     for path in what.data.iter().cloned().chain(what.run.iter().map(|run| subject.trace(run))) {
         all.extend(read_points(&path, &subject.variables())?);
     }
+    let mut run_dir = RunDir::open(dir, experiment, std::process::id())?;
+    let provenance = Provenance::of(experiment, invocation(options.arguments));
+    run_dir.write_provenance(&provenance, options.resume)?;
     let threads = cores();
     let judged = subject.judge(&all, threads)?;
     run_dir.write(file::CERTIFY_POINTS, table(&subject, &all, &judged).as_bytes())?;

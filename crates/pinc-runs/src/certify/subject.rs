@@ -57,7 +57,7 @@ impl Subject {
                 return Err(RunError::usage(name, problem));
             }
         };
-        let missing = |section| RunError::missing_section(name, section, "certify");
+        let missing = |section| RunError::missing_section(experiment, section, "certify");
         let (bytes, net) = given.unzip();
         let domain = net.as_ref().map(PincNet::domain).or(experiment.domain.as_ref());
         let domain: &Domain = domain.ok_or_else(|| missing("domain"))?;

@@ -60,7 +60,7 @@ pub fn identify(
     starts: Option<usize>,
 ) -> Result<IdentificationMetrics, RunError> {
     let (name, command) = (&experiment.name, "identify");
-    let missing = || RunError::missing_section(name, "identify", command);
+    let missing = || RunError::missing_section(experiment, "identify", command);
     let spec = experiment.identify.as_ref().ok_or_else(missing)?;
     let net = model.map(|path| super::read_matching_model(experiment, path)).transpose()?;
     let net = net.map(|(_, net)| net);

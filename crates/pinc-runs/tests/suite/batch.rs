@@ -2,7 +2,7 @@
 
 use pinc_config::{Experiment, ModelKind, Plants};
 use pinc_mpc::Reference;
-use pinc_runs::BatchController;
+use pinc_runs::{BatchController, ModelFile};
 use std::path::Path;
 
 fn batch(sets: &[&str]) -> Result<BatchController, String> {
@@ -44,6 +44,26 @@ fn what_a_batch_does_not_have_is_refused() {
         let error = batch.loops(&[0.5, 0.1], &references, &[0.0]).unwrap_err().to_string();
         assert!(error.contains(&format!("`{key}`")), "{error}");
     }
+}
+
+/// Steps of a batch do not look whether a net leaves its domain.
+#[test]
+fn a_net_that_must_stay_in_its_domain_is_refused() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
+    let model = root.join("crates/pinc/tests/data/model.safetensors");
+    let batch = |policy: &str| {
+        let sets = [format!("control.outside_domain={policy}")];
+        let config = root.join("configs/smoke/van-der-pol.toml");
+        let experiment = Experiment::load(&config, &sets, &Plants::built_in()).unwrap();
+        let of = |model, kind| BatchController::new(&experiment, model, kind, 1, "the test");
+        let integrator = of(None, Some(ModelKind::RK4)).map(drop);
+        [of(Some(ModelFile::At(&model)), None).map(drop), integrator]
+    };
+    assert!(batch("report").iter().all(Result::is_ok));
+    let [net, integrator] = batch("refuse");
+    let error = net.unwrap_err().to_string();
+    assert!(error.contains("`the test`") && error.contains("control.outside_domain"), "{error}");
+    integrator.unwrap();
 }
 
 /// The oscillator at rest, whose reference moves after six steps, within the horizon of the one

@@ -1,7 +1,7 @@
 //! Every mistake in a config is an error that names file, line, key and what was expected, with
 //! exit code 2.
 
-use crate::common::{Outcome, outcome, pinc, smoke};
+use crate::common::{Outcome, outcome, pinc, repository, smoke};
 
 /// Checks the smoke config with `from` replaced by `to`.
 fn check_with(from: &str, to: &str) -> Outcome {
@@ -92,6 +92,18 @@ fn mandatory_keys() {
     };
     check(&without_domain)
         .assert_refused(&["`domain`: this section is missing; training needs it"]);
+    // A section that only one command needs: the file, the section, and what it is for.
+    let config = repository("configs/smoke/rk4-only.toml");
+    let path = config.to_str().unwrap();
+    let data = ["--data", "none.csv"];
+    for (command, more, section) in [
+        ("tune", &[][..], "[tune]"),
+        ("train", &[], "[training]"),
+        ("identify", &data, "[identify]"),
+    ] {
+        let refused = outcome(pinc(&[command, path]).args(more));
+        refused.assert_refused(&[path, section, &format!("{command}` needs")]);
+    }
 }
 
 #[test]

@@ -215,6 +215,16 @@ fn tolerances_name_states_and_are_positive() {
     control("control.error_tolerance={ x3 = 0.1 }", &["control.error_tolerance.x3", "x1, x2"]);
     control("control.error_tolerance={ x1 = 0.0 }", &["control.error_tolerance.x1", "positive"]);
     control("control.on_error=\"correct\"", &["control.on_error", "control.error_tolerance"]);
+    // Nothing judges the steps of an integrator.
+    let path = dir.path().join("experiment.toml");
+    let alone = ["control.models=[\"rk4\"]", "control.error_tolerance={ x1 = 0.1 }"];
+    fs::write(&path, smoke()).unwrap();
+    for command in ["run", "control", "check", "choose"] {
+        let sets = alone.iter().flat_map(|set| ["--set", set]);
+        let mut command = pinc(&[command, "experiment.toml"]);
+        let refused = outcome(command.args(sets).current_dir(dir.path()));
+        refused.assert_refused(&["control.error_tolerance", "\"pinc\" among"]);
+    }
     let proven = "training.proven_tolerance={ x1 = -1.0 }";
     control(proven, &["training.proven_tolerance.x1", "a positive number"]);
     // Without a run directory there is no model file for the certificate.
@@ -298,6 +308,12 @@ fn a_proven_net_carries_its_certificate() {
         .assert_refused(&["changed.safetensors", "another net"]);
     let other = ["--quiet", "--set", "plant.van-der-pol.mu=1.01"];
     verify(model, &other).assert_refused(&["another equation"]);
+    // The config's domain is within the certificate's, or else that is refused.
+    assert_eq!(verify(model, &["--set", "domain.state_high=[0.9, 1.0]"]).code, Some(0));
+    let wider = ["--set", "domain.state_low=[-9.0, -3.0]"];
+    verify(model, &wider).assert_refused(&["x1 from -1 to 1", "[domain] has -9 to"]);
+    let lower = ["--set", "training.proven_tolerance={ x2 = 1e-6 }"];
+    verify(model, &lower).assert_refused(&["training.proven_tolerance.x2 asks for 0.000001"]);
     // Neither says anything of a certificate that is not its own.
     let header = |arguments: &[&str], file: &str| {
         let export = [&["export", "--to", "c", "--name", "it", "--out", "it"], arguments].concat();

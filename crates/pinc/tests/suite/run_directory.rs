@@ -18,6 +18,47 @@ fn with_net(command: &str, dir: &Path, more: &[&str]) -> Outcome {
     outcome(command.arg(dir).args(more))
 }
 
+/// Files that cannot be used are named, and no directory is made.
+#[test]
+fn refused_input_leaves_no_directory() {
+    let dir = tempfile::tempdir().unwrap();
+    let out = dir.path().join("run");
+    let (bad, absent) = (dir.path().join("bad.json"), dir.path().join("absent"));
+    fs::write(&bad, "{}").unwrap();
+    let [bad, absent] = [&bad, &absent].map(|path| path.to_str().unwrap());
+    let policy = format!("control.policy={bad:?}");
+    let with_policy = ["--set", "control.models=[\"policy\", \"rk4\"]", "--set", &policy];
+    let estimator = "control.estimator={ kind = \"ekf\", process_sd = [0.1], measurement_sd = [0.1], \
+                     initial_estimate = [5.0], initial_sd = [0.1], disturbance = \"none\" }";
+    let estimated = ["--set", "control.measurement={ measured = [\"h\"] }", "--set", estimator];
+    let plan = format!("control.first_plan={{ file = {absent:?} }}");
+    let tuned = [
+        "--set",
+        "tune.ranges=[{ key = \"control.r.0\", low = 0.1, high = 10.0 }]",
+        "--set",
+        "tune.cost={ iae_dense_sum = 1.0 }",
+    ];
+    let boxed = [
+        "--set",
+        "domain={ state_low = [2.0], state_high = [8.0], input_low = [1.0], input_high = [2.0] }",
+    ];
+    for (command, more, said) in [
+        ("control", [&with_policy[..], &[]].concat(), [bad, "expected `policy.json`"]),
+        ("control", [&with_policy[..], &estimated].concat(), ["policy", "control.estimator"]),
+        ("tune", [&with_policy[..], &tuned].concat(), ["\"policy\"", "--only"]),
+        ("control", vec!["--set", &plan], [absent, "cannot be read"]),
+        ("certify", [&["--only", "rk4", "--data", absent][..], &boxed].concat(), [absent, "read"]),
+    ] {
+        let config = repository("configs/smoke/rk4-only.toml");
+        let mut refused = pinc(&[command.as_ref(), config.as_os_str(), "--out".as_ref()]);
+        outcome(refused.arg(&out).args(more)).assert_refused(&said);
+        assert!(!out.exists(), "{command} {said:?}");
+    }
+    let data = format!("data={{ files = [{absent:?}], weight = 1.0 }}");
+    with_net("train", &out, &["--set", &data]).assert_refused(&[absent, "cannot be read"]);
+    assert!(!out.exists());
+}
+
 #[test]
 fn a_second_run_of_the_same_config_replaces_the_first() {
     let dir = tempfile::tempdir().unwrap();
