@@ -3,7 +3,7 @@
 
 #![expect(clippy::print_stdout, reason = "it says which tests it runs, and answers as a process")]
 
-use pinc::bench::{ChooseOptions, choose};
+use pinc::bench::{ChooseOptions, Timed, choose};
 use pinc_config::{Experiment, ModelKind, Plants};
 use pinc_export::FmiVersion;
 use pinc_ode::{DynPlant, DynRhs, Model, Rk4, Simulator};
@@ -378,7 +378,7 @@ fn run_of(experiment: &Experiment, dir: &Path) -> RunDir {
 fn a_net_is_chosen_beside_it() {
     let dir = tempfile::tempdir().unwrap();
     let experiment = parse(&as_process("oscillator"), &allowed()).unwrap();
-    let how = ChooseOptions { within: 0.05, budget_s: 20.0 };
+    let how = ChooseOptions { within: 0.05, budget_s: 20.0, timed: Timed::Program };
     let never = AtomicBool::new(false);
     let choice = choose(&experiment, dir.path(), &allowed(), &quietly(&never), how).unwrap();
     let said = choice.to_string();

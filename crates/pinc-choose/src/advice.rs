@@ -4,6 +4,7 @@ use crate::candidate::{Candidate, LONGER};
 use crate::judge::{Score, Standard, Tried};
 use crate::search::{Search, SearchResult};
 use pinc_net::TrainingTarget;
+use pinc_record::decimals;
 use std::fmt;
 
 /// A step that is wrong by more than this, in widths of the domain, is worth a word.
@@ -91,8 +92,8 @@ impl<'a> Advice<'a> {
         };
         writeln!(
             f,
-            "{name:<21} {:>12.6} {:>12.2} {:>11.2}{instructions} {:>12} {:>11} {training:>11}   {remark}",
-            score.iae,
+            "{name:<21} {:>12} {:>12.2} {:>11.2}{instructions} {:>12} {:>11} {training:>11}   {remark}",
+            decimals(score.iae, 6),
             score.p50_us,
             score.p99_us,
             number(score.worst),
@@ -152,14 +153,15 @@ impl<'a> Advice<'a> {
         let score = self.score;
         let (exact, iae) = (self.standard.exact, self.standard.iae);
         let mut text = format!(
-            "Use {}: its IAE of {:.6} is {}the IAE of the most exact model, {exact}, {iae:.6}, and its \
+            "Use {}: its IAE of {} is {}the IAE of the most exact model, {exact}, {}, and its \
              control step takes {:.1} us (99th percentile {:.1} us)",
             described(self.winner),
-            score.iae,
+            decimals(score.iae, 6),
             match (score.iae / iae - 1.0).abs() < 1e-9 {
                 true => String::new(),
                 false => format!("within {} % of ", 100.0 * self.within),
             },
+            decimals(iae, 6),
             score.p50_us,
             score.p99_us
         );

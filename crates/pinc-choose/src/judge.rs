@@ -19,7 +19,7 @@ const MOST_REPETITIONS: usize = 100;
 pub struct Score {
     /// On the dense trace.
     pub iae: f64,
-    /// The largest violation of a bound.
+    /// The largest violation of a bound, as a share of the size of what it bounds.
     pub violation: f64,
     /// The share of control steps that failed.
     pub failed: f64,
@@ -93,7 +93,7 @@ impl Score {
         let share = |steps: usize| steps as f64 / run.steps().max(1) as f64;
         Some(Self {
             iae: run.iae_dense_sum,
-            violation: run.max_violation,
+            violation: run.violation_share(),
             failed: share(run.failed_steps()),
             steps: run.steps(),
             p50_us: run.step_us.p50,
@@ -146,7 +146,7 @@ impl Standard {
             iae: score.iae,
             violation: score.violation,
             within,
-            room: within * narrowest(spec),
+            room: within,
             max_failed,
             only_counts: spec.on_error == OnError::Count,
             budget_us: spec.budget_us,
@@ -176,7 +176,8 @@ impl Standard {
             return Some(format!("IAE {more:.2} % more"));
         }
         let violated = score.violation - self.violation;
-        (violated > self.room).then(|| format!("violates a bound by {violated:.1e} more"))
+        (violated > self.room)
+            .then(|| format!("violates a bound by {violated:.1e} of its range more"))
     }
 
     pub(crate) fn is_good(&self, score: &Score) -> bool {
@@ -224,18 +225,6 @@ impl Standard {
             })
             .copied()
     }
-}
-
-/// The narrowest range that a state or an input is bounded to.
-fn narrowest(spec: &ControlSpec) -> f64 {
-    let ranges = |low: &[f64], high: &[f64]| {
-        low.iter().zip(high).map(|(low, high)| high - low).fold(f64::INFINITY, f64::min)
-    };
-    let states = match (&spec.state_low, &spec.state_high) {
-        (Some(low), Some(high)) => ranges(low, high),
-        _ => f64::INFINITY,
-    };
-    states.min(ranges(&spec.input_low, &spec.input_high))
 }
 
 #[cfg(test)]
@@ -371,7 +360,10 @@ pub(crate) mod tests {
         assert_eq!(with(&|score| score.iae = 103.0), "IAE 3.00 % more");
         assert_eq!(with(&|score| score.iae = f64::NAN), "its loop leaves the finite numbers");
         assert_eq!(with(&|score| score.failed = 0.2), "20 % of its steps fail");
-        assert_eq!(with(&|score| score.violation = 0.5), "violates a bound by 5.0e-1 more");
+        assert_eq!(
+            with(&|score| score.violation = 0.5),
+            "violates a bound by 5.0e-1 of its range more"
+        );
         let beyond = "beyond control.error_tolerance in 3 of 100 steps";
         assert_eq!(with(&|score| score.beyond = 3), beyond);
         // An integrator made these steps, or the net's predictions were corrected.

@@ -269,8 +269,8 @@ impl Plant {
         let step_s = step(step_s.or(self.experiment.sample_time_s()))?;
         let own = self.experiment.control.as_ref().map(|control| control.own_substeps(integrator));
         let substeps = substeps.or(own).unwrap_or(4);
-        if !(1..=1_000_000).contains(&substeps) {
-            return Err(input(format!("substeps: {substeps} given, expected 1 or more")));
+        if !(1..=10_000).contains(&substeps) {
+            return Err(input(format!("substeps: {substeps} given, expected 1 to 10000")));
         }
         let (source, in_loop) = (self.source.clone(), self.in_loop);
         IntegratorModel::make(self, Made { source, in_loop, integrator, step_s, substeps })

@@ -38,6 +38,20 @@ def test_a_traced_function_is_the_equation() -> None:
         assert plant.output(x, u) == pytest.approx([0.5, x[0] + 2.0 * x[1]], abs=1e-13)
 
 
+def test_operators_in_place_make_new_quantities() -> None:
+    def accumulated(x: Any, u: Any) -> Any:
+        total = x[0]
+        total += u[0]
+        rates = np.empty(2, dtype=object)
+        rates[:] = [total, x[1]]
+        rates[1] -= total
+        return rates
+
+    found = pinc.expression(accumulated, ["a", "b"], ["u"])
+    assert found["let"] == {"w1": "(a + u)"}
+    assert found["derivatives"] == {"a": "w1", "b": "(b - w1)"}
+
+
 @pytest.mark.parametrize(
     ("function", "message"),
     [
@@ -46,6 +60,8 @@ def test_a_traced_function_is_the_equation() -> None:
         (lambda x, u: [x[0] and u[0], 0], "given as a condition"),
         (lambda x, u: [np.floor(x[0]), 0], "np.floor given"),
         (lambda x, u: [np.maximum(x, 0).sum(), 0], "np.greater_equal given.*one by one"),
+        (lambda x, u: {"a": x[0]}, "derivatives: dict given, expected a list"),
+        (lambda x, u: np.zeros(2).__setitem__(0, x[0]), "lists, or made with dtype=object"),
         (lambda x, u: [x[0]], "derivatives: 1 given, expected 2, one per state: a, b"),
     ],
 )

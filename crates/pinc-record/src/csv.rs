@@ -113,6 +113,18 @@ pub fn number(value: f64) -> String {
     format!("{value:?}")
 }
 
+/// A number with so many decimals; one that they would leave with less than two digits, or with many,
+/// with an exponent.
+#[must_use]
+pub fn decimals(value: f64, count: usize) -> String {
+    let least = 10_f64.powi(1 - i32::try_from(count).unwrap_or(i32::MAX));
+    if value == 0.0 || (least..1e9).contains(&value.abs()) || !value.is_finite() {
+        format!("{value:.count$}")
+    } else {
+        format!("{value:.3e}")
+    }
+}
+
 /// A CSV file that was read: its header, and its rows as text.
 #[derive(Debug)]
 pub(crate) struct CsvFile {
@@ -267,6 +279,21 @@ impl CsvHead {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn small_and_large_numbers_keep_their_digits() {
+        for (value, text) in [
+            (113.572_94, "113.5729"),
+            (0.0123, "0.0123"),
+            (0.0, "0.0000"),
+            (9.5e-4, "9.500e-4"),
+            (-4.4361e-10, "-4.436e-10"),
+            (1e18, "1.000e18"),
+            (f64::NAN, "NaN"),
+        ] {
+            assert_eq!(decimals(value, 4), text);
+        }
+    }
 
     #[test]
     fn cells_with_commas_and_quotes_read_back_as_they_were() {

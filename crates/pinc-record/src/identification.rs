@@ -1,5 +1,6 @@
 //! `identify.json`: what was identified of a plant.
 
+use crate::csv::decimals;
 use crate::error::RecordError;
 use crate::files::{file, json, read_json};
 use serde::{Deserialize, Serialize};
@@ -187,9 +188,11 @@ impl ResidualMetrics {
     /// The correlations with inputs in words, with the ones beyond which they are no chance.
     #[must_use]
     pub fn with_inputs(&self) -> String {
-        let shown = self.inputs.iter().map(|(name, of)| {
-            let chance = of.chance.unwrap_or(f64::NAN);
-            format!("{name}: {:.2} at {} rows ({chance:.2})", of.correlation, of.lag)
+        let shown = self.inputs.iter().map(|(name, of)| match of.chance {
+            Some(chance) => {
+                format!("{name}: {:.2} at {} rows ({chance:.2})", of.correlation, of.lag)
+            }
+            None => format!("{name}: constant, or too few rows"),
         });
         shown.collect::<Vec<_>>().join(", ")
     }
@@ -217,13 +220,13 @@ impl fmt::Display for IdentificationMetrics {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(
             f,
-            "{}: {}; {} iterations, {} ({}); cost {:.6}, {} values",
+            "{}: {}; {} iterations, {} ({}); cost {}, {} values",
             self.model,
             self.ended(),
             self.work.iterations,
             self.method,
             self.reason,
-            self.cost,
+            decimals(self.cost, 6),
             self.measurements
         )?;
         let states = self.initial_states.iter().flat_map(|file| {
@@ -238,9 +241,10 @@ impl fmt::Display for IdentificationMetrics {
         let parameters = parameters.map(|(name, of)| (name.clone(), &of.estimate));
         let gains = self.gains.iter().map(|(name, of)| (name.clone(), of));
         for (name, estimate) in parameters.chain(gains).chain(states) {
+            let value = decimals(estimate.value, 6);
             match estimate.half_width_95 {
-                Some(width) => write!(f, "\n  {name} = {:.6} +- {width:.2e}", estimate.value)?,
-                None => write!(f, "\n  {name} = {:.6}, without an interval", estimate.value)?,
+                Some(width) => write!(f, "\n  {name} = {value} +- {width:.2e}")?,
+                None => write!(f, "\n  {name} = {value}, without an interval")?,
             }
         }
         for net in &self.nets {
@@ -260,7 +264,7 @@ impl IdentificationMetrics {
     pub fn held_out_in_words(&self) -> impl Iterator<Item = String> {
         self.held_out.iter().flat_map(|of| {
             let said = |(output, rms): (&String, &f64)| {
-                format!("{output} of {}, held out: error {rms:.4} rms", of.file)
+                format!("{output} of {}, held out: error {} rms", of.file, decimals(*rms, 4))
             };
             of.rms.iter().map(said)
         })
@@ -285,7 +289,8 @@ impl IdentificationMetrics {
         let minima = MinimumMetrics::of(fitted.iter().filter_map(|start| start.cost));
         let (here, others) =
             minima.split_first().map_or((0, &[][..]), |(of, rest)| (of.starts, rest));
-        let others = others.iter().map(|of| format!(", {} at the cost {:.6}", of.starts, of.cost));
+        let others =
+            others.iter().map(|of| format!(", {} at the cost {}", of.starts, decimals(of.cost, 6)));
         let alone = "; no other start ended here: more of them may find a better minimum";
         format!(
             "{} from {} starts: {here} of {} that were fitted to the end ended here{}; set \
@@ -327,6 +332,14 @@ mod tests {
             "findings": [],
             "work": { "iterations": 1, "steps": 1, "linearized": 1, "wall_s": 1.0 } }"#;
         serde_json::from_str(text).unwrap()
+    }
+
+    #[test]
+    fn correlations_that_are_not_known_are_not_said() {
+        let of = |chance| InputCorrelationMetrics { correlation: 0.25, lag: 3, chance };
+        let inputs = [("u".to_owned(), of(Some(0.5))), ("v".to_owned(), of(None))].into();
+        let left = ResidualMetrics { measurements: 9, rms: 1.0, correlation: 0.0, inputs };
+        assert_eq!(left.with_inputs(), "u: 0.25 at 3 rows (0.50), v: constant, or too few rows");
     }
 
     #[test]

@@ -40,7 +40,7 @@ pub mod work;
 
 pub use certificate::{ByName, CertificateMetrics, DomainCertificate};
 pub use checkpoint::{Saved, load_checkpoint, save_checkpoint};
-pub use csv::{CsvText, number};
+pub use csv::{CsvText, decimals, number};
 pub use domain_error::{DomainErrorMetrics, Place, ProvenErrors, Rk4Errors};
 pub use error::{CheckpointProblem, RecordError, TableProblem};
 pub use files::{file, read_file, read_text, remove_unfinished, write_atomically, write_output};

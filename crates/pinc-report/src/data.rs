@@ -144,7 +144,10 @@ impl Run {
     /// A metric's title with its unit if that is the states'.
     pub(crate) fn label_of(&self, metric: &Metric) -> String {
         match metric.unit {
-            Unit::States(power) => self.label_in_states_unit(metric.title, power),
+            Unit::States(power) if metric.is_of_models() => {
+                self.label_in_states_unit(metric.title, power)
+            }
+            Unit::States(power) => self.label_in_all_states_unit(metric.title, power),
             Unit::Errors(_) | Unit::Clock(..) | Unit::Count | Unit::One | Unit::Name => {
                 metric.title.to_owned()
             }
@@ -160,7 +163,18 @@ impl Run {
             let all = self.metrics.iter().flat_map(|metrics| &metrics.states);
             states = all.map(String::as_str).collect();
         }
-        match self.common_unit(&states) {
+        self.label_in_common_unit(quantity, &states, power)
+    }
+
+    /// The same of a quantity of all states, as the error of a net.
+    pub(crate) fn label_in_all_states_unit(&self, quantity: &str, power: &str) -> String {
+        let all = self.metrics.iter().flat_map(|metrics| &metrics.states);
+        let states: Vec<&str> = all.map(String::as_str).collect();
+        self.label_in_common_unit(quantity, &states, power)
+    }
+
+    fn label_in_common_unit(&self, quantity: &str, states: &[&str], power: &str) -> String {
+        match self.common_unit(states) {
             None => quantity.to_owned(),
             Some("") => format!("{quantity} (–)"),
             Some(unit) => format!("{quantity} ({unit}{power})"),

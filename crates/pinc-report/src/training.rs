@@ -18,7 +18,7 @@ pub(crate) fn picture(run: &Run) -> Option<Picture> {
     let rows = run.training.as_ref().filter(|rows| !rows.is_empty())?;
     let validation = present(curve(rows, |row| row.validation_mse));
     let best = validation.iter().copied().min_by(|a, b| a.1.total_cmp(&b.1));
-    let label = run.label_in_states_unit("validation MSE", "²");
+    let label = run.label_in_all_states_unit("validation MSE", "²");
     let loss = losses(rows, (&label, &validation), best);
     let mut gradient = Panel::new("Gradient", Axis::new("gradient norm", Kind::Log), 120.0);
     let norm = curve(rows, |row| Some(row.gradient_norm));

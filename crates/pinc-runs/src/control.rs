@@ -19,7 +19,7 @@ use pinc_ode::{
 };
 use pinc_record::{
     ControlColumns, ControlMetrics, CostMetrics, EstimatorMetrics, FirstPlanMetrics, Metrics,
-    ReferenceMetrics, RunDir, StepTimes, ViolationMetrics, WallTimes, file,
+    ReferenceMetrics, RunDir, StepTimes, ViolationMetrics, WallTimes, decimals, file,
 };
 use std::cell::Cell;
 use std::collections::BTreeMap;
@@ -178,7 +178,7 @@ fn run_model(
         write_medians(&steps_file, |k| times.median_us(k))?;
     }
     let iae = Some(results.iae_dense_sum).filter(|iae| !iae.is_nan());
-    let iae = iae.map_or_else(String::new, |iae| format!(", IAE {iae:.4}"));
+    let iae = iae.map_or_else(String::new, |iae| format!(", IAE {}", decimals(iae, 4)));
     progress.end(&format!("{repetitions} runs{iae}"));
     let variables = Variables::of(plant);
     let states = variables.state_names();

@@ -3,7 +3,7 @@
 use crate::RunError;
 use pinc_config::OutsidePolicy;
 use pinc_net::PincNet;
-use pinc_record::{Excess, OutsideDomain};
+use pinc_record::{Excess, OutsideDomain, significant};
 use std::borrow::Cow;
 
 /// Beyond the box by less than this share of its width is rounding.
@@ -41,9 +41,10 @@ impl<'n> Guard<'n> {
             }
             if self.policy == OutsidePolicy::Refuse {
                 return Err(RunError::Failed(format!(
-                    "the net would be used outside its training domain: {name} is {excess:.3} \
+                    "the net would be used outside its training domain: {name} is {} \
                      beyond {low} to {high}; train on a larger [domain], or continue with \
-                     outside_domain = \"report\""
+                     outside_domain = \"report\"",
+                    significant(excess)
                 )));
             }
             outside = true;

@@ -89,8 +89,8 @@ impl CertifyArgs {
 /// Where a command's results go.
 #[derive(Debug, clap::Args)]
 pub(crate) struct RunArgs {
-    /// Run directory; by default `runs/NAME` with the experiment's name. With several configs, the
-    /// folder that holds their run directories.
+    /// Run directory; by default `runs/NAME` with the experiment's name, after which some commands put
+    /// their own. With several configs, the folder that holds their run directories.
     #[arg(long, value_name = "DIR")]
     pub(crate) out: Option<PathBuf>,
     /// Resume the run in the run directory.
@@ -216,7 +216,9 @@ pub(crate) fn share(text: &str) -> Result<f64, String> {
     };
     let share = number.trim().parse::<f64>().ok().map(|number| unit * number);
     let is_share = |share: &f64| *share > 0.0 && *share <= 1.0;
-    share.filter(is_share).ok_or_else(|| "expected a share above 0, as 1% or 0.01".to_owned())
+    share
+        .filter(is_share)
+        .ok_or_else(|| "expected a share above 0, up to 1, as 1% or 0.01".to_owned())
 }
 
 /// A number of seconds.

@@ -1,9 +1,7 @@
 //! The command line.
 
-use crate::choices::{
-    CertifyArgs, Outside, RunArgs, SetArgs, SweepArgs, To, loopback, model_kind, seconds, share,
-    timed,
-};
+use crate::choices::{CertifyArgs, Outside, RunArgs, SetArgs, SweepArgs, To, loopback, model_kind};
+use crate::chosen::ChooseArgs;
 use crate::options::{arguments, judged, may_begin_afresh, options};
 use crate::printed::{failure, show, usage};
 use crate::served::Served;
@@ -11,10 +9,11 @@ use crate::shrunk::ShrinkArgs;
 use crate::summary::summary;
 use crate::tuned::TuneArgs;
 use clap::{Parser, Subcommand};
-use pinc_bench::{BenchOptions, ChooseOptions, OnSlurm, Shard, Timed};
+use pinc_bench::{BenchOptions, OnSlurm, Shard};
 use pinc_config::{Experiment, ModelKind, Plants, RunList};
 use pinc_record::RunDir;
 use pinc_runs::{Options, RunError, Severity, Verbosity, console, verdict};
+use std::io::IsTerminal as _;
 use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -210,21 +209,7 @@ enum Command {
     },
     /// Choose the model for a config's loop: try integrators and nets of several sizes, and write a
     /// config with the cheapest good one.
-    Choose {
-        /// Config file (TOML).
-        config: PathBuf,
-        /// How far a good loop's IAE may exceed the most exact model's, as 1% or 0.01.
-        #[arg(long, value_name = "SHARE", default_value = "1%", value_parser = share)]
-        within: f64,
-        /// Time limit, in s.
-        #[arg(long, value_name = "SECONDS", default_value_t = 120.0, value_parser = seconds)]
-        budget_s: f64,
-        /// Whose control steps are timed: the program's, or exported C's, which needs a compiler cc.
-        #[arg(long, default_value = "program", value_parser = timed())]
-        target: Timed,
-        #[command(flatten)]
-        run: RunArgs,
-    },
+    Choose(ChooseArgs),
     /// Tune keys of the controller by the cost of closed loops with drawn plants, as [tune] says.
     Tune(TuneArgs),
     /// Train a net in place of the controller, judge its loops, and write it as C with a check.
@@ -284,8 +269,10 @@ pub fn program(plants: &Plants) -> ExitCode {
         Err(error) => return usage(&error),
     };
     tracing_subscriber::fmt()
-        .with_max_level(tracing::Level::WARN)
+        .with_max_level(if cli.quiet { tracing::Level::ERROR } else { tracing::Level::WARN })
         .with_writer(std::io::stderr)
+        .with_ansi(std::io::stderr().is_terminal())
+        .with_target(false)
         .without_time()
         .init();
     match execute(&cli, plants) {
@@ -395,15 +382,7 @@ fn execute(cli: &Cli, plants: &Plants) -> Result<ExitCode, RunError> {
             let found = pinc_runs::certify(&experiment, &dir, &options, model, &what)?;
             show(quiet, &found.to_string())?;
         }
-        Command::Choose { config, within, budget_s, target, run } => {
-            let experiment = Experiment::load(config, &run.set.overrides(), plants)?;
-            let dir = run.directory(&format!("{}-choose", experiment.name), false);
-            let arguments = arguments();
-            let options = options(run.resume, quiet, &arguments);
-            let how = ChooseOptions { within: *within, budget_s: *budget_s, timed: *target };
-            let choice = pinc_bench::choose(&experiment, &dir, plants, &options, how)?;
-            show(quiet, &choice.to_string())?;
-        }
+        Command::Choose(args) => args.choose(plants, quiet)?,
         Command::Tune(args) => args.tune(plants, quiet)?,
         Command::Shrink(args) => args.shrink(plants, quiet)?,
         Command::Check { config, json, set } => {

@@ -2,7 +2,7 @@
 
 use super::Tried;
 use pinc_config::{Candidate, Experiment, TuneSpec};
-use pinc_record::{CsvText, Ending, Finished, TrialMetric};
+use pinc_record::{CsvText, Ending, Finished, TrialMetric, decimals};
 use pinc_runs::{RunError, verdict};
 use std::cmp::Ordering;
 use std::fmt::Write as _;
@@ -45,11 +45,12 @@ impl Score {
 
 impl std::fmt::Display for Score {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let cost = decimals(self.cost, 4);
         match self.failed {
-            0 => write!(f, "{:.4}", self.cost),
+            0 => f.write_str(&cost),
             usize::MAX => write!(f, "all loops failed"),
-            1 => write!(f, "{:.4} (1 loop failed)", self.cost),
-            failed => write!(f, "{:.4} ({failed} loops failed)", self.cost),
+            1 => write!(f, "{cost} (1 loop failed)"),
+            failed => write!(f, "{cost} ({failed} loops failed)"),
         }
     }
 }
@@ -156,7 +157,7 @@ impl Cost {
         ]);
         for (i, term) in self.terms.iter().enumerate() {
             let of =
-                |score: &Score| score.means.get(i).map_or_else(String::new, |v| format!("{v:.4}"));
+                |score: &Score| score.means.get(i).map_or_else(String::new, |v| decimals(*v, 4));
             rows.push([format!("  {}", term.name), of(written), of(tuned)]);
         }
         let width = |column: usize| rows.iter().map(|row| row[column].len()).max().unwrap_or(0);

@@ -25,10 +25,8 @@ pub(super) fn identification(
     if let Some(step_s) = spec.step_s {
         positive("identify.step_s", step_s)?;
     }
-    if let Some(substeps) = spec.substeps {
-        at_least_one("identify.substeps", substeps)?;
-    }
-    let counts = [("starts", spec.starts), ("validation_rows", spec.validation_rows)];
+    let validation_rows = ("validation_rows", spec.validation_rows);
+    let counts = [("starts", spec.starts), validation_rows, ("substeps", spec.substeps)];
     for (key, count) in counts.into_iter().filter_map(|(key, count)| Some((key, count?))) {
         at_least_one(&format!("identify.{key}"), count)?;
     }

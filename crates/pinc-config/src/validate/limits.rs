@@ -36,9 +36,8 @@ const COST: f64 = 1e100;
 pub(super) fn sizes(experiment: &Experiment, dims: Dims) -> Checked {
     net(experiment, dims)?;
     training(experiment)?;
-    if let Some(substeps) = experiment.identify.as_ref().and_then(|spec| spec.substeps) {
-        at_most("identify.substeps", substeps, PARTS)?;
-    }
+    let substeps = experiment.identify.as_ref().and_then(|spec| spec.substeps);
+    at_most("identify.substeps", substeps.unwrap_or(1), PARTS)?;
     let net_step_s = experiment.net_step_s();
     if let Some(validation) = &experiment.validation {
         let steps = steps_of(net_step_s, "validation.duration_s", validation.duration_s)?;

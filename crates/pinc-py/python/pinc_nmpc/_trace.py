@@ -44,6 +44,9 @@ class Symbol(NDArrayOperatorsMixin):
 
     def __array_ufunc__(self, ufunc: Any, method: str, *given: Any, **more: Any) -> Any:
         form = _FORMS.get(ufunc.__name__)
+        # `a += b` is a new symbol.
+        if all(isinstance(out, Symbol) for out in more.get("out", ())):
+            more.pop("out", None)
         if form is None or method != "__call__" or more:
             known = ", ".join(_FORMS)
             raise InputError(
@@ -58,6 +61,12 @@ class Symbol(NDArrayOperatorsMixin):
         raise InputError(
             "a quantity given as a condition in a function that is traced, expected none: `if`, `and`, "
             "`or` and `not` see no values; branches are written with minimum and maximum"
+        )
+
+    def __float__(self) -> float:
+        raise InputError(
+            "a quantity given as a number in a function that is traced: arrays that hold quantities are "
+            "lists, or made with dtype=object"
         )
 
     def __getattr__(self, name: str) -> Any:
@@ -102,7 +111,10 @@ def expression(
     given: list[Any] = [np.array([*map(Symbol, of), None], dtype=object)[:-1] for of in names]
     if parameters is not None:
         given.append({name: Symbol(name) for name in parameters})
-    rates = [_symbol(one) for one in derivatives(*given)]
+    found = derivatives(*given)
+    if isinstance(found, Mapping) or not isinstance(found, Iterable):
+        raise InputError(f"derivatives: {type(found).__name__} given, expected a list, one per state")
+    rates = [_symbol(one) for one in found]
     if len(rates) != len(names[0]):
         raise InputError(
             f"derivatives: {len(rates)} given, expected {len(names[0])}, one per state: "

@@ -277,6 +277,7 @@ impl ReferenceMetrics {
 /// The metrics of a closed loop.
 pub(crate) mod rows {
     use super::ControlMetrics;
+    use crate::csv::decimals;
     use crate::metric::Unit::{self, Clock, Count, Errors, One, States};
     use crate::metric::{Metric, Of};
 
@@ -296,13 +297,13 @@ pub(crate) mod rows {
     /// RMSE on the dense trace.
     pub const RMSE_DENSE: Metric =
         of(["rmse_dense"; 2], "RMSE, dense trace", States(""), 5, |of| of.rmse_dense)
-            .printed("RMSE dense", |v| format!("{v:.5}"));
+            .printed("RMSE dense", |v| decimals(v, 5));
     /// IAE on the dense trace, summed over outputs.
     pub const IAE_DENSE_SUM: Metric =
         of(["iae_dense_sum"; 2], "IAE, dense trace, sum over outputs", States(""), 6, |of| {
             of.iae_dense_sum
         })
-        .printed("IAE dense", |v| format!("{v:.4}"));
+        .printed("IAE dense", |v| decimals(v, 4));
     /// The largest offset from a reference at rest, over quantities and segments; NaN without one.
     pub const OFFSET_MAX: Metric =
         of(["", "offset_max"], "largest offset from a reference", States(""), 2, |of| {
@@ -332,9 +333,9 @@ pub(crate) mod rows {
     /// All of them.
     pub const LOOP: &[Metric] = &[
         of(["rmse"; 2], "RMSE at the steps", States(""), 5, |of| of.rmse)
-            .printed("RMSE", |v| format!("{v:.5}")),
+            .printed("RMSE", |v| decimals(v, 5)),
         of(["iae"; 2], "IAE at the steps, mean over outputs", States(""), 6, |of| of.iae)
-            .printed("IAE", |v| format!("{v:.4}")),
+            .printed("IAE", |v| decimals(v, 4)),
         RMSE_DENSE,
         IAE_DENSE_SUM,
         OFFSET_MAX,

@@ -6,6 +6,7 @@ pub(crate) mod one_step;
 
 use crate::error::RecordError;
 use crate::files::{file, read_json};
+use crate::verdict::significant;
 use pinc_config::{Experiment, ModelKind, Preset, TimeUnit};
 use pinc_net::TrainingTarget;
 use serde::{Deserialize, Deserializer, Serialize};
@@ -200,8 +201,9 @@ impl std::fmt::Display for OutsideDomain {
             let separator = if i == 0 { ": " } else { ", " };
             write!(
                 f,
-                "{separator}{name} by up to {:.3} ({} steps)",
-                excess.farthest, excess.samples
+                "{separator}{name} by up to {} ({} steps)",
+                significant(excess.farthest),
+                excess.samples
             )?;
         }
         Ok(())

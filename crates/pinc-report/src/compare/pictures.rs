@@ -155,7 +155,7 @@ fn training(runs: &[Compared]) -> Option<Picture> {
             |row: &TrainingRow| (row.loss_evaluations as f64, value(row).unwrap_or(f64::NAN));
         present(rows(of).iter().map(point).collect())
     };
-    let label = runs[0].run.label_in_states_unit("validation MSE", "²");
+    let label = runs[0].run.label_in_all_states_unit("validation MSE", "²");
     let mut validation = Panel::new("Validation", Axis::new(&label, Kind::Log), 240.0);
     let mut loss = Panel::new("Loss", Axis::new("mean squared error", Kind::Log), 200.0);
     for (i, of) in runs.iter().enumerate() {

@@ -132,7 +132,7 @@ fn metrics(run: &Run, trials: &Trials) -> Vec<Metric> {
     let all = [
         // As the picture of a training calls it.
         Metric {
-            label: run.label_in_states_unit("validation MSE", "²"),
+            label: run.label_in_all_states_unit("validation MSE", "²"),
             ..pictured(&metric::MSE_GEN, "mse", mse, true)
         },
         pictured(&metric::FREE_RUN_RMSE, "free-run-rmse", "Error of the free run", true),

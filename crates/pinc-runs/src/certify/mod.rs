@@ -46,6 +46,9 @@ pub(crate) fn variables(net: &PincNet) -> Vec<String> {
 /// Random points if nothing else is asked for.
 const POINTS: usize = 1000;
 
+/// The most points.
+const MOST_POINTS: usize = 1_000_000;
+
 /// With what probability a statistical bound holds.
 const CONFIDENCE: f64 = 0.99;
 
@@ -68,6 +71,10 @@ pub fn certify(
     let subject = Subject::of(experiment, model, only)?;
     let others = what.data.is_some() || what.run.is_some();
     let count = what.points.unwrap_or(if others { 0 } else { POINTS });
+    if count > MOST_POINTS {
+        let problem = format!("certify: {count} points given, expected {MOST_POINTS} at most");
+        return Err(RunError::usage(&experiment.name, problem));
+    }
     let drawn = random(&subject.domain, count, experiment.seed);
     let mut all = drawn.clone();
     for path in what.data.iter().cloned().chain(what.run.iter().map(|run| subject.trace(run))) {
