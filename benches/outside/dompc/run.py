@@ -190,7 +190,7 @@ def judged(folder, example):
         "PINC's cost": f"{costs[1]:.6g}",
         "do-mpc's step (ms)": f"{1e3 * times[0]:.1f}",
         "PINC's step (ms)": f"{1e3 * times[1]:.3f}",
-        "times shorter": f"{times[0] / times[1]:.0f}",
+        "times shorter": f"{times[0] / times[1]:.{0 if times[1] < times[0] else 2}f}",
     }
 
 

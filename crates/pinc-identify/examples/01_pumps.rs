@@ -62,6 +62,7 @@ pub(crate) fn main() -> Result<(), IdentifyError> {
             name: "h".to_owned(),
             measured: Measured::State(0),
             sd: Some(0.05),
+            is_estimated: false,
         }],
         parameters: vec![3.33, 0.071],
         unknown: vec![unknown("k", 0, 3.33, 0.5, 8.0), unknown("a", 1, 0.071, 0.01, 0.2)],

@@ -54,6 +54,7 @@ pub(crate) fn main() -> Result<(), IdentifyError> {
         name: name.clone(),
         measured: Measured::State(i),
         sd: Some(0.1),
+        is_estimated: false,
     };
     let starts = [("sigma", 8.0), ("rho", 24.0), ("beta", 2.0)];
     let unknown = |(place, (name, initial)): (usize, (&str, f64))| Unknown {

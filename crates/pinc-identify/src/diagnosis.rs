@@ -104,6 +104,13 @@ pub enum Diagnosis {
         /// Whether that was given; if not, it was estimated from the data.
         given: bool,
     },
+    /// A channel of unknown noise, whose weight is of its residuals.
+    Weighed {
+        /// The channel.
+        name: String,
+        /// The standard deviation by which its residuals are divided.
+        sd: f64,
+    },
     /// Residuals that are not white.
     NotWhite {
         /// The channel.
@@ -196,6 +203,12 @@ impl fmt::Display for Diagnosis {
                 rms / noise,
                 if *given { "expected" } else { "that the data seem to have" }
             ),
+            Self::Weighed { name, sd } => {
+                write!(
+                    f,
+                    "{name}: its noise is not known, and counts as large as its residuals, {sd:.3e}"
+                )
+            }
             Self::NotWhite { name, correlation } => write!(
                 f,
                 "{name}: the residuals are not white (correlation of neighbours \
@@ -389,7 +402,9 @@ fn of_a_channel(
         return vec![Diagnosis::NeverMeasured { name: name() }];
     }
     let mut all = Vec::new();
-    let given = problem.channels[i].sd;
+    let estimated = problem.channels[i].sd.filter(|_| problem.channels[i].is_estimated);
+    all.extend(estimated.map(|sd| Diagnosis::Weighed { name: name(), sd }));
+    let given = problem.channels[i].sd.filter(|_| !problem.channels[i].is_estimated);
     // Predictions are off by the disturbances of the plant as well.
     let (noise, limit) = match given {
         _ if problem.criterion == Criterion::PredictionError => (0.0, 0.0),

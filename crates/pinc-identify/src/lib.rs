@@ -23,6 +23,7 @@ mod identify;
 mod influence;
 mod linear;
 mod method;
+mod noise;
 mod points;
 mod problem;
 mod progress;

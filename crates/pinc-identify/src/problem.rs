@@ -34,6 +34,8 @@ pub struct Channel {
     /// The standard deviation of its noise, by which its residuals are divided; 1 where it is not
     /// known.
     pub sd: Option<f64>,
+    /// Whether nobody knows that standard deviation: it is of residuals.
+    pub is_estimated: bool,
 }
 
 /// A parameter that is identified.

@@ -451,7 +451,12 @@ mod tests {
             high: 9.0,
             prior: None,
         };
-        let channel = |measured, sd| Channel { name: "y".to_owned(), measured, sd: Some(sd) };
+        let channel = |measured, sd| Channel {
+            name: "y".to_owned(),
+            measured,
+            sd: Some(sd),
+            is_estimated: false,
+        };
         let problem = Problem {
             channels: vec![channel(Measured::Output(0), 0.4), channel(Measured::State(1), 0.7)],
             parameters: vec![1.0; 2],

@@ -79,6 +79,9 @@ def test_estimates_match_the_estimator() -> None:
     data = columns(RECORDED.with_suffix(".csv"))
     found = pinc.estimate(RECORDED, data)
     assert set(found.rmse) == {"pA", "pB"} and found.rmse["pA"] < 0.5
+    assert found.notes == []
+    sure = pinc.estimate(RECORDED, data, overrides={"control.estimator.measurement_sd": [1e-3]})
+    assert any("the estimator is inconsistent" in note for note in sure.notes)
     estimator = pinc.Estimator(RECORDED)
     assert (estimator.measured, estimator.names) == (["total"], ["pA", "pB"])
     for k, y in enumerate(data["y_total"]):

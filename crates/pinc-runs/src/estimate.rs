@@ -8,7 +8,7 @@ use super::recorded::Columns;
 use crate::RunError;
 use pinc_config::{Experiment, LoopParameters, ModelKind, Variables};
 use pinc_estimate::{Estimator, History};
-use pinc_record::{EstimatorMetrics, read_file, significant, write_atomically};
+use pinc_record::{EstimatorMetrics, read_file, write_atomically};
 use std::fmt;
 use std::path::Path;
 use std::time::Instant;
@@ -28,7 +28,7 @@ impl fmt::Display for Estimated {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Self { rows, failed, estimator } = self;
         let EstimatorMetrics { nis_mean, nis_expected, nis_steps, estimator_us, .. } = estimator;
-        write!(f, "{rows} rows; NIS {}", significant(*nis_mean))?;
+        write!(f, "{rows} rows; NIS {nis_mean:.3}")?;
         if nis_steps < rows {
             write!(f, " over the {nis_steps} rows that have one")?;
         }
@@ -37,7 +37,11 @@ impl fmt::Display for Estimated {
             write!(f, "; {failed} corrections failed")?;
         }
         for (i, (name, rmse)) in estimator.estimate_rmse.iter().enumerate() {
-            write!(f, "{} {name} {}", if i == 0 { "; RMSE" } else { "," }, significant(*rmse))?;
+            let before = if i == 0 { "; RMSE" } else { "," };
+            match *rmse < 1e6 {
+                true => write!(f, "{before} {name} {rmse:.6}")?,
+                false => write!(f, "{before} {name} {rmse:.2e}")?,
+            }
         }
         estimator.notes(*rows).iter().try_for_each(|note| write!(f, "\n{note}"))
     }

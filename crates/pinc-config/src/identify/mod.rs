@@ -16,7 +16,8 @@ pub struct IdentifySpec {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub measured: Option<Vec<String>>,
     /// Standard deviation of the noise of each measured quantity, by which its residuals are
-    /// divided; if absent, `noise_sd` of `[control.measurement]`, and 1 without it.
+    /// divided; if absent, `noise_sd` of `[control.measurement]`, and without it the rms of its
+    /// residuals where several quantities are measured, and 1 for a single one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub measurement_sd: Option<Vec<f64>>,
     /// Unknown parameters of the plant.

@@ -115,6 +115,7 @@ fn learned(
         name: plant.states()[place].name.to_string(),
         measured: Measured::State(place),
         sd: Some(sd),
+        is_estimated: false,
     };
     let problem = Problem {
         channels: measured.iter().map(channel).collect(),

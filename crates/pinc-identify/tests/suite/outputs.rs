@@ -56,6 +56,7 @@ fn problem(a: f64, channels: &[usize]) -> Problem {
         name: ["direct", "double"][output].to_owned(),
         measured: Measured::Output(output),
         sd: Some(0.01),
+        is_estimated: false,
     };
     Problem {
         channels: channels.iter().map(channel).collect(),

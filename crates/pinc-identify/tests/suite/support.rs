@@ -65,6 +65,7 @@ pub(crate) fn problem(
         name: plant.states()[place].name.to_string(),
         measured: Measured::State(place),
         sd,
+        is_estimated: false,
     };
     let unknowns = unknown.iter().enumerate().map(|(place, &(initial, low, high))| Unknown {
         name: plant.parameters()[place].name.to_string(),

@@ -32,6 +32,8 @@ use std::time::Instant;
 const SUBSTEPS: usize = 4;
 /// The starts of a fit whose parameters all have bounds.
 const STARTS: usize = 16;
+/// How many times weights are found anew from residuals at most.
+const REWEIGHED: usize = 20;
 /// The rows of a file that is held out to which its initial state is fitted.
 const VALIDATION_ROWS: usize = 5;
 /// How many steps may lie between two rows.
@@ -98,15 +100,30 @@ pub fn identify(
     let (problem, plant) = problem(experiment, spec, &variables, net)?;
     let starts = starts.or(spec.starts).unwrap_or_else(|| default_starts(&problem));
     let model = || fitted_model(experiment, spec, (kind, net), &*plant, sample_time_s);
-    let models = (0..starts).map(|_| model()).collect::<Result<Vec<_>, _>>()?;
     let recordings: Vec<_> = recorded.iter().map(Recorded::recording).collect();
     let clock = Instant::now();
     let threads = std::thread::available_parallelism().map_or(1, NonZero::get);
     let with = Starts { seed: experiment.seed, threads, ..Starts::default() };
     let finished = spec.finished_starts.unwrap_or(with.finished);
     let with = Starts { finished, ..with };
-    let found = identify_from_starts(models, &problem, &recordings, with);
-    let found = found.map_err(|error| in_file(error, data))?;
+    let fit = |problem: &Problem, starts: usize| {
+        let models = (0..starts).map(|_| model()).collect::<Result<Vec<_>, _>>()?;
+        let found = identify_from_starts(models, problem, &recordings, with);
+        found.map_err(|error| in_file(error, data))
+    };
+    let initial = problem.unknown.clone();
+    let mut problem = problem.with_first_weights(&recordings);
+    let mut found = fit(&problem, starts)?;
+    let mut rounds = 0;
+    while let Some(next) = problem.reweighed(&found, &recordings).filter(|_| rounds < REWEIGHED) {
+        problem = next;
+        found = fit(&problem, 1)?;
+        rounds += 1;
+    }
+    if rounds > 0 && starts > 1 {
+        found = fit(&problem, starts)?;
+    }
+    problem.unknown = initial;
     let wall_s = clock.elapsed().as_secs_f64();
     let rows = spec.validation_rows.unwrap_or(VALIDATION_ROWS);
     let mut of_unseen = Vec::new();
@@ -274,6 +291,7 @@ fn problem(
         name,
         measured,
         sd: sd.as_ref().map(|sd| sd[i]),
+        is_estimated: false,
     });
     let mut unknowns = Vec::new();
     for (of, is_weight) in

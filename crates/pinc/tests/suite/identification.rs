@@ -2,6 +2,7 @@
 
 use crate::common::{outcome, pinc, repository};
 use serde_json::Value;
+use std::fmt::Write as _;
 use std::fs;
 use std::path::{Path, PathBuf};
 
@@ -13,6 +14,7 @@ seed = 1
 four-tanks = { parameters = "antonelo" }
 [identify]
 measured = ["h1", "h2", "h3", "h4"]
+measurement_sd = [1.0, 1.0, 1.0, 1.0]
 initial_state = [8.0, 10.0, 3.0, 4.0]
 parameters = [
     { name = "k1", initial = 5.0, low = 0.5, high = 8.0 },
@@ -101,7 +103,7 @@ fn recorded_data_give_the_plant() {
         assert!((of["half_width_95"].as_f64().unwrap() - width).abs() < 0.5e-4, "{of}");
     }
     assert_eq!(json["outputs"], serde_json::json!(["h1", "h2", "h3", "h4"]));
-    // Without a noise of the sensors the residuals are in cm.
+    // With a noise of 1 the residuals are in cm.
     let cost = json["cost"].as_f64().unwrap();
     assert!((cost - 409.761_095 * 0.05 * 0.05).abs() < 1e-6 * cost, "{cost}");
     assert_eq!(json["initial_states"][0]["file"], "tanks.csv");
@@ -175,6 +177,53 @@ fn gaps_and_several_files_are_taken() {
     // The identified equation has the value that was found.
     let written = fs::read_to_string(Path::new(&out).join("identified.toml")).unwrap();
     assert!(written.contains(&format!("k = {k:?}")), "{written}");
+}
+
+/// Quantities whose noise nobody gives, in cm and in a thousandth of it, count by their residuals: the
+/// fit is nearly that with the noise given, and says what it took.
+#[test]
+fn unknown_noise_is_found_from_residuals() {
+    let fine = TANK.replace(
+        "[identify]\n",
+        "[plant.expression.outputs]\nfine = \"1000*h\"\n[identify]\nmeasured = [\"h\", \"fine\"]\n",
+    );
+    let unknown = fine.replace("measurement_sd = [0.05]\n", "");
+    let known = fine.replace("[0.05]", "[0.0202, 200.0]");
+    let (dir, _) = directory(TANK);
+    let data = dir.path().join("both.csv");
+    let mut csv = "t,u,y_h,y_fine\n".to_owned();
+    let mut exact = tank_csv(200, 1.0);
+    exact.drain(..="t,u,y_h".len());
+    for (k, row) in exact.lines().enumerate() {
+        let h: f64 = row.rsplit_once(',').unwrap().1.parse().unwrap();
+        let noise = 0.07 * ((k * k * 7919 % 1009) as f64 / 1009.0 - 0.5);
+        let other = 693.0 * ((k * k * 3571 % 997) as f64 / 997.0 - 0.5);
+        writeln!(csv, "{row},{}", 1000.0 * (h - noise) + other).unwrap();
+    }
+    fs::write(&data, csv).unwrap();
+    let fit = |name: &str, config: &str| {
+        let (path, out) = (dir.path().join(format!("{name}.toml")), dir.path().join(name));
+        fs::write(&path, config).unwrap();
+        let arguments = ["identify", &text(&path), "--data", &text(&data), "--out", &text(&out)];
+        let found = outcome(&mut pinc(&arguments));
+        assert_eq!(found.code, Some(0), "{found:?}");
+        let json = json(&out);
+        let k = json["parameters"]["k"].clone();
+        let number = |key: &str| k[key].as_f64().unwrap();
+        (number("value"), number("half_width_95"), json, found.stdout)
+    };
+    let (value, half_width, ..) = fit("known", &known);
+    let (found, width, json, said) = fit("unknown", &unknown);
+    assert!((found - value).abs() < 0.1 * half_width, "{found}, {value} +- {half_width}");
+    assert!((width / half_width - 1.0).abs() < 0.1, "{width}, {half_width}");
+    for (i, expected) in [0.0202, 200.0].into_iter().enumerate() {
+        let sd = json["measurement_sd"][i].as_f64().unwrap();
+        assert!((sd / expected - 1.0).abs() < 0.1, "{sd} instead of {expected}");
+    }
+    assert!(said.contains("note: fine: its noise is not known, and counts as large as"), "{said}");
+    // By their size alone the fine readings, which are ten times as noisy, would outweigh the others.
+    let (_, width, ..) = fit("even", &fine.replace("[0.05]", "[1.0, 1.0]"));
+    assert!(width > 3.0 * half_width, "{width}, {half_width}");
 }
 
 /// Predictions from row to row are fitted over gaps too, and their gain is in the results.
