@@ -67,5 +67,5 @@ pub use tables::{
     read_fixed_table,
 };
 pub use times::{StepTimes, WallTimes};
-pub use verdict::advice;
+pub use verdict::{advice, significant};
 pub use violation::ViolationMetrics;

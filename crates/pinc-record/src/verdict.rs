@@ -166,7 +166,8 @@ fn not_held((quantity, nearest): (&String, &f64)) -> Finding {
 }
 
 /// A number with three significant digits.
-pub(crate) fn significant(value: f64) -> String {
+#[must_use]
+pub fn significant(value: f64) -> String {
     match value.abs() {
         size if (1e2..1e6).contains(&size) => format!("{value:.0}"),
         size if (1e1..1e2).contains(&size) => format!("{value:.1}"),

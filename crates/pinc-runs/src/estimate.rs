@@ -8,7 +8,7 @@ use super::recorded::Columns;
 use crate::RunError;
 use pinc_config::{Experiment, LoopParameters, ModelKind, Variables};
 use pinc_estimate::{Estimator, History};
-use pinc_record::{EstimatorMetrics, read_file, write_atomically};
+use pinc_record::{EstimatorMetrics, decimals, read_file, write_atomically};
 use std::fmt;
 use std::path::Path;
 use std::time::Instant;
@@ -38,10 +38,7 @@ impl fmt::Display for Estimated {
         }
         for (i, (name, rmse)) in estimator.estimate_rmse.iter().enumerate() {
             let before = if i == 0 { "; RMSE" } else { "," };
-            match *rmse < 1e6 {
-                true => write!(f, "{before} {name} {rmse:.6}")?,
-                false => write!(f, "{before} {name} {rmse:.2e}")?,
-            }
+            write!(f, "{before} {name} {}", decimals(*rmse, 6))?;
         }
         estimator.notes(*rows).iter().try_for_each(|note| write!(f, "\n{note}"))
     }
