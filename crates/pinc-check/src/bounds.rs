@@ -130,6 +130,13 @@ fn reach(subject: &Subject<'_>, control: &ControlSpec, domain: &Domain) -> Vec<F
     let mut findings = Vec::new();
     let mut compare = |name: &str, (low, high): (f64, f64), (from, to): (f64, f64)| {
         if low < from || high > to {
+            let change = if low.is_finite() && high.is_finite() {
+                format!(
+                    "a domain of {name} that holds {low} to {high}, or narrower bounds in [control]"
+                )
+            } else {
+                format!("bounds of {name} in [control], within {from} to {to}")
+            };
             findings.push(
                 Finding::warning(
                     "domain",
@@ -142,10 +149,7 @@ fn reach(subject: &Subject<'_>, control: &ControlSpec, domain: &Domain) -> Vec<F
                     "a net is wrong outside the box it was trained on, and the optimizer \
                      may plan there",
                 )
-                .change(format!(
-                    "a domain of {name} that holds {low} to {high}, or narrower \
-                     bounds in [control]"
-                )),
+                .change(change),
             );
         }
     };

@@ -132,7 +132,7 @@ fn needed(subject: &Subject<'_>, of_box: &IntegratorBox<'_>) -> (Finding, Option
     let most = counts.last().copied().unwrap_or(1);
     let text = WANTED.iter().zip(&found).map(|(wanted, n)| match n {
         Some(n) => format!("{wanted:.0e} of the region's width with {n} substeps"),
-        None => format!("{wanted:.0e} of it not with {most} substeps"),
+        None => format!("more than {wanted:.0e} of the region's width with {most} substeps"),
     });
     let fact = format!(
         "T = {}: RK4 has an rms error of {}",
@@ -176,7 +176,10 @@ fn integrators(
             let change = match (stable, enough) {
                 (Some(usize::MAX), _) => "a shorter T, or the model rosenbrock".to_owned(),
                 (Some(stable), Some(enough)) => format!("{key} = {}", stable.max(enough)),
-                (_, None) if integrator == Integrator::Rk4 => format!("{key} = more than {MOST}"),
+                (stable, None) if integrator == Integrator::Rk4 => {
+                    let least = stable.unwrap_or(0).max(substeps + 1).max(MOST + 1);
+                    format!("{key} = {least} or more")
+                }
                 (Some(stable), None) if soundness.unstable > 0 => format!("{key} = {stable}"),
                 (Some(_), None) | (None, _) => format!("more than {substeps} {key}"),
             };

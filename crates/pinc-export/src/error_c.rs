@@ -11,8 +11,7 @@ use crate::template::{Template, numbers, table};
 use crate::{ExportError, GeneratedFile, Name};
 use pinc_expr::PlantEquations;
 use pinc_net::PincNet;
-use pinc_ode::Integrator;
-use pinc_verify::{ErrorEstimate, NODES, REFERENCE_SUBSTEPS, quadrature_node};
+use pinc_verify::{ErrorEstimate, NODES, quadrature_node, reference};
 
 /// What the page says of it.
 const TEXT: &str = "`pinc_error(x, u, error)` of `pinc_error.h` estimates the error of the net's step, the net's \
@@ -53,13 +52,16 @@ impl NetError<'_> {
                 .set("JACOBIAN", jacobian(&listing, dims.nx, dims.nu + varying.len(), "dx").body);
             files.push(t.file("error.c", include_str!("../templates/error_residual.c")));
         } else {
-            let exact = RungeKuttaModel {
-                equations,
-                parameters: &names,
-                method: Integrator::Rk5,
-                sample_time_s: net.sample_time_s(),
-                substeps: REFERENCE_SUBSTEPS,
-            };
+            let varying: Vec<&str> = names.iter().map(String::as_str).collect();
+            let plant = equations.compile_with(&varying)?.into_dyn();
+            let (method, substeps) = reference(net, &*plant, net.sample_time_s())?;
+            if method.tableau().is_none() {
+                let feature = "the estimated error of a distilled net of a stiff plant";
+                return Err(ExportError::Feature { feature, instead: "`pinc serve`" });
+            }
+            let sample_time_s = net.sample_time_s();
+            let exact =
+                RungeKuttaModel { equations, parameters: &names, method, sample_time_s, substeps };
             files.push(t.file("error.c", include_str!("../templates/error_reference.c")));
             files.extend(runge_kutta_core(exact, "exact", open, name, origin)?);
         }

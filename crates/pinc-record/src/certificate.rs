@@ -48,7 +48,7 @@ pub struct CertificateMetrics {
 /// The largest error over a domain, from both sides.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct DomainCertificate {
-    /// Proven bounds, wherever there are any.
+    /// Proven bounds, wherever there are any; empty if there are none.
     pub proven: ByName,
     /// The largest errors found.
     pub found: ByName,
@@ -124,8 +124,11 @@ impl fmt::Display for CertificateMetrics {
 impl fmt::Display for DomainCertificate {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let is_whole = self.unproven_volume <= 0.0;
-        for (state, proven) in &self.proven {
-            let found = self.found.get(state).copied().unwrap_or(0.0);
+        for (state, found) in &self.found {
+            let Some(proven) = self.proven.get(state) else {
+                write!(f, "\n{state}: nothing proven, found {found:.3e}")?;
+                continue;
+            };
             let place = if is_whole { "over the domain" } else { "where anything is proven" };
             write!(f, "\n{state}: proven at most {proven:.3e} {place}, found {found:.3e}")?;
             if is_whole {

@@ -14,9 +14,10 @@
 //! in advance, so net, equation and Jacobian are evaluated at all nodes at once in SIMD lanes.
 
 use crate::VerifyError;
+use crate::reference;
 use pinc_ad::simd::{Isa, Simd, Task, Work, tanh_all};
 use pinc_net::{FoldedNet, PincModel, PincNet, TrainingTarget};
-use pinc_ode::{DynPlant, Integrator, Model, VECTOR_DIRECTIONS, Variable, VectorDual, VectorRhs};
+use pinc_ode::{DynPlant, Model, VECTOR_DIRECTIONS, Variable, VectorDual, VectorRhs};
 use std::fmt::Debug;
 
 /// Nodes of the quadrature, and evaluations of the net: a multiple of the lanes of all vectors.
@@ -31,14 +32,11 @@ const GAUSS: [[f64; 2]; NODES / 2] = [
     [0.960_289_856_497_536_3, 0.101_228_536_290_376_26],
 ];
 
-/// Steps of the order 5 integrator that stands for the exact solution of a net without time.
-pub const REFERENCE_SUBSTEPS: usize = 8;
-
 /// An estimate of the error of one step of a net: the model's state minus the exact solution of the
 /// plant's equation, to first order in the error. Estimating allocates nothing.
 ///
 /// A distilled net, which knows t = T alone, has no residual. Its error is estimated as the distance
-/// from eight steps of the Dormand-Prince method.
+/// from a [`reference`](crate::reference()).
 ///
 /// ```
 /// use pinc_net::{Domain, NetConfig, PincNet};
@@ -115,8 +113,8 @@ impl ErrorEstimate {
                 Method::Residual(isa.dispatch(Build { net, folded, plant, isa, t }))
             }
             TrainingTarget::Integrator => {
-                let exact = plant.model(Integrator::Rk5, t, REFERENCE_SUBSTEPS);
-                let exact = exact.map_err(VerifyError::Reference)?;
+                let (method, substeps) = reference(net, plant, t)?;
+                let exact = plant.model(method, t, substeps).map_err(VerifyError::Reference)?;
                 let found = vec![0.0; net.dims().nx];
                 Method::Reference(Box::new(Reference { net: model, exact, found }))
             }

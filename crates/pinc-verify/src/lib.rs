@@ -47,6 +47,7 @@ mod points;
 mod polynomial;
 mod problem;
 mod proof;
+mod reference;
 mod rough;
 mod rounding;
 mod search;
@@ -54,11 +55,12 @@ mod taylor;
 mod workers;
 
 pub use error::VerifyError;
-pub use estimate::{ErrorEstimate, NODES, REFERENCE_SUBSTEPS, quadrature_node};
+pub use estimate::{ErrorEstimate, NODES, quadrature_node};
 pub use interval::Interval;
 pub use points::{Largest, PointError};
 pub use problem::{MOST_VARIABLES, StepError, StepModel};
 pub use proof::SMALL_PROOF;
+pub use reference::reference;
 pub use search::{Bracket, Leaf, Search, SearchSettings};
 
 #[cfg(test)]

@@ -149,8 +149,9 @@ fn named(subject: &Subject, values: &[f64]) -> ByName {
 fn certificate(subject: &Subject, bracket: &Bracket) -> DomainCertificate {
     let variables = subject.variables();
     let states = subject.states.iter().cloned();
+    let proven = states.clone().zip(bracket.proven.iter().copied());
     DomainCertificate {
-        proven: states.clone().zip(bracket.proven.iter().copied()).collect(),
+        proven: proven.filter(|_| bracket.unproven_volume < 1.0).collect(),
         found: states.clone().zip(bracket.found.iter().map(|found| found.error)).collect(),
         at: states.zip(bracket.found.iter().map(|found| named(subject, &found.at))).collect(),
         unproven_volume: bracket.unproven_volume,

@@ -1,7 +1,7 @@
 //! The estimated error beside the true one.
 
 use crate::support::{ends, equations, lattice, net_model, truth};
-use pinc_net::{Ansatz, Domain, NetConfig, PincNet};
+use pinc_net::{Ansatz, Domain, NetConfig, PincNet, TrainingTarget};
 use pinc_verify::ErrorEstimate;
 
 /// A net of two states and one input that has learnt nothing, for a linear plant, whose errors obey
@@ -66,4 +66,43 @@ fn errors_of_a_nonlinear_plant_are_estimated_to_first_order() {
     };
     let [short, long] = [0.02, 0.2].map(relative);
     assert!(long < 0.2 && short < long / 8.0, "{short} {long}");
+}
+
+/// The net as one that was distilled: it is judged by an integrator.
+fn distilled(net: &PincNet) -> PincNet {
+    let bytes = net.to_bytes();
+    let length = usize::try_from(u64::from_le_bytes(bytes[..8].try_into().unwrap())).unwrap();
+    let header = std::str::from_utf8(&bytes[8..8 + length]).unwrap();
+    let model = header.replacen(r#"{\"#, r#"{\"source\":\"integrator\",\"#, 1);
+    assert_ne!(model, header);
+    let mut all = (model.len() as u64).to_le_bytes().to_vec();
+    all.extend(model.bytes().chain(bytes[8 + length..].iter().copied()));
+    let distilled = PincNet::from_bytes(&all).unwrap();
+    assert_eq!(distilled.source(), TrainingTarget::Integrator);
+    distilled
+}
+
+/// A fast mode makes explicit steps of some number unstable; the estimate is right all the same.
+#[test]
+fn a_distilled_net_of_a_stiff_plant_is_judged_by_a_stable_integrator() {
+    let domain = Domain::new([-1.0..=1.0, -1.0..=1.0], [-1.0..=1.0]);
+    for (rate, explicit) in [(2.0, true), (35.0, true), (3000.0, false)] {
+        let equations = equations(&[("y", "s"), ("s", &format!("{rate}*(u - y - s)"))]);
+        let plant = equations.to_dyn().unwrap();
+        let net = PincNet::new(&*plant, &NetConfig::new(1.0, 2, 6), &domain, 3).unwrap();
+        let net = distilled(&net);
+        let (method, substeps) = pinc_verify::reference(&net, &*plant, 1.0).unwrap();
+        assert_eq!(method.tableau().is_some(), explicit, "{rate}: {method} x{substeps}");
+        let mut estimate = ErrorEstimate::new(&net, &*plant).unwrap();
+        let mut model = net_model(&net);
+        for point in lattice(&ends(&domain), 20) {
+            let exact = truth(&*plant, &mut model, &point);
+            let mut found = [0.0; 2];
+            estimate.write(&point[..2], &point[2..], &[], &mut found);
+            let size = exact.iter().fold(0.0, |size: f64, e| size.max(e.abs()));
+            for (found, exact) in found.iter().zip(exact) {
+                assert!((found - exact).abs() < 0.1 * size, "{rate} {point:?}: {found} {exact}");
+            }
+        }
+    }
 }

@@ -86,6 +86,11 @@ fn the_errors_found_include_the_points() {
     assert_eq!(done.code, Some(0), "{done:?}");
     let found = CertificateMetrics::read(&dir.path().join("out")).unwrap().unwrap();
     let domain = found.domain.unwrap();
+    let said = domain.to_string();
+    match domain.unproven_volume {
+        1.0 => assert!(domain.proven.is_empty() && said.contains("x1: nothing proven"), "{said}"),
+        _ => assert!(said.contains("where anything is proven, found"), "{said}"),
+    }
     let rows = rows(dir.path());
     for (i, state) in ["x1", "x2"].into_iter().enumerate() {
         let errors = rows.iter().map(|row| row[3 + 2 * i].abs());
