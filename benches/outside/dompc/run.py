@@ -97,7 +97,11 @@ EXAMPLES = {
     ),
     # Mean wind, lift over drag and least height, which the example draws.
     "kite": Example(
-        pathlib.Path(__file__).with_name("kite.toml"), 100, of_kite, mpc=[10.0, 6.0, 100.0], simulator=[10.0, 6.0]
+        pathlib.Path(__file__).with_name("kite.toml"),
+        100,
+        of_kite,
+        mpc=[10.0, 6.0, 100.0],
+        simulator=[10.0, 6.0],
     ),
 }
 
