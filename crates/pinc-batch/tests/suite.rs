@@ -6,7 +6,9 @@ use pinc_mpc::{
     Bounds, MpcError, Nmpc, NmpcProblem, Reference, Softness, SqpConfig, SqpStatus, Tracked,
     Weights,
 };
-use pinc_ode::{AccurateIntegrator, Dims, Linearization, Model, Rk4, Simulator, Stages};
+use pinc_ode::{
+    AccurateIntegrator, Dims, Linearization, Model, OutputLinearization, Rk4, Simulator, Stages,
+};
 use pinc_plants::{FourTanks, VanDerPol};
 use pinc_sensitivity::{Given, Sensitivity};
 
@@ -294,4 +296,86 @@ fn gradients_of_loops_match_differences() {
     }
     assert!((found.cost - sum).abs() < 1e-9 * sum, "{} {sum}", found.cost);
     assert!(outside > 0.01, "a loop that violates no bound says nothing of their weights");
+}
+
+/// x+ = 0.8 x + 0.3 u with the output y = x + 0.4 u, which jumps with the input.
+#[derive(Debug)]
+struct Jumping;
+
+impl Model for Jumping {
+    fn dims(&self) -> Dims {
+        Dims::new(1, 1).with_outputs(1)
+    }
+
+    fn sample_time_s(&self) -> f64 {
+        1.0
+    }
+
+    fn step(&mut self, x: &[f64], u: &[f64], _p: &[f64], next: &mut [f64]) {
+        next[0] = 0.8 * x[0] + 0.3 * u[0];
+    }
+
+    fn linearize(&mut self, at: Stages<'_>, mut out: Linearization<'_>) {
+        for k in 0..at.count(self.dims()) {
+            let (at, out) = (at.point(k, self.dims()), out.point(k, self.dims()));
+            self.step(at.x, at.u, at.p, out.next);
+            (out.a[0], out.b[0]) = (0.8, 0.3);
+        }
+    }
+
+    fn output(&mut self, x: &[f64], u: &[f64], _p: &[f64], y: &mut [f64]) {
+        y[0] = x[0] + 0.4 * u[0];
+    }
+
+    fn feedthrough(&self) -> Vec<bool> {
+        vec![true]
+    }
+
+    fn linearize_output(&mut self, at: Stages<'_>, mut out: OutputLinearization<'_>) {
+        for k in 0..at.count(self.dims()) {
+            let (at, out) = (at.point(k, self.dims()), out.point(k, self.dims()));
+            self.output(at.x, at.u, at.p, out.y);
+            (out.c[0], out.d[0]) = (1.0, 0.4);
+        }
+    }
+}
+
+/// The cost of an output that depends on the input depends on the input without the plant's step.
+#[test]
+fn gradients_of_loops_see_outputs_that_jump() {
+    let references = [Reference::new(vec![0.7; 6], 1).unwrap()];
+    let run = |[q, r, x, before]: [f64; 4]| {
+        let make = || {
+            let weights = Weights::uniform(vec![q], vec![r]);
+            let tracked = vec![Tracked::Output(0)];
+            let problem = NmpcProblem { tracked, ..NmpcProblem::new(Jumping.dims(), 4, weights) };
+            let config = SqpConfig { tolerance: 1e-11, ..SqpConfig::default() };
+            Nmpc::new(problem, Box::new(Jumping), config)
+        };
+        let mut batch = NmpcBatch::new(1, make).unwrap();
+        let given = GradientLoops {
+            x: &[x],
+            references: &references,
+            u_before: &[before],
+            parameters: &[],
+            cost: LoopCost { errors: &[3.0], increments: &[0.2], violations: &[0.0] },
+            smoothing: None,
+            preview: true,
+        };
+        batch.loop_gradients(given, || Box::new(Jumping) as Box<dyn Model>).unwrap().remove(0)
+    };
+    let at = [8.0, 0.4, 0.1, 0.2];
+    let found = run(at).gradient;
+    for (i, given) in
+        [Given::Q, Given::R, Given::State, Given::AppliedInput].into_iter().enumerate()
+    {
+        let moved = |length: f64| {
+            let mut numbers = at;
+            numbers[i] += length;
+            run(numbers).cost
+        };
+        let expected = (moved(1e-5) - moved(-1e-5)) / 2e-5;
+        let gradient = found.get(given)[0];
+        assert!((gradient - expected).abs() < 1e-6 * (1.0 + expected.abs()), "{given:?}");
+    }
 }

@@ -138,3 +138,71 @@ impl<'a> Search<'a> {
         scored.get(&rung)?.iter().min_by(better).copied()
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::metrics::Metrics;
+    use pinc_config::{Plants, trials};
+    use serde_json::json;
+
+    /// A search among eight candidates, of which four reach the second rung and two the third.
+    fn experiment() -> Experiment {
+        let config = include_str!("../../../configs/smoke/rk4-only.toml");
+        let search = "[sweep.search]\ncandidates = 8\nminimize = \"rk4_iae_dense_sum\"\n\
+                      ranges = [{ key = \"control.r.0\", low = 0.1, high = 10.0 }]\n\
+                      [sweep.search.halving]\nkey = \"control.repetitions\"\nleast = 1\n\
+                      factor = 2\nrungs = 3\n";
+        let text = format!("{config}{search}");
+        Experiment::parse("search.toml".as_ref(), &text, &[], &Plants::built_in()).unwrap()
+    }
+
+    /// A trial that ended with this IAE.
+    fn finished(iae: f64) -> Finished {
+        let times = json!({ "mean": 1.0, "sd": 0.0, "median": 1.0, "runs": 1 });
+        let step_us = json!({ "p50": 1.0, "p99": 1.0, "max": 1.0 });
+        let metrics = json!({
+            "experiment": "e", "preset": "ours", "variables": {},
+            "control": [{
+                "model": "rk4", "wall_s": times, "step_us": step_us, "sqp_iterations_mean": 1.0,
+                "rmse": 0.0, "iae": iae, "rmse_dense": 0.0, "iae_dense_sum": iae, "kkt_max": 0.0,
+                "max_violation": 0.0, "status": { "converged": 20 }, "reference_start_s": [0.0],
+                "offset": {}, "settle_s": [], "settled_within": {},
+            }],
+        });
+        let metrics: Metrics = serde_json::from_value(metrics).unwrap();
+        Finished { ending: Ending::Done, metrics }
+    }
+
+    /// A candidate that was dropped stays so in the rungs after, whose best are of those that are
+    /// left.
+    #[test]
+    fn a_rung_has_the_best_of_the_rung_before() {
+        let experiment = experiment();
+        let trials = trials(&experiment).unwrap();
+        let search = Search::of(&experiment, &trials).unwrap();
+        let mut results: Vec<Option<Finished>> = trials.iter().map(|_| None).collect();
+        let mut left: Vec<usize> = (0..8).collect();
+        for (rung, order) in [[4, 0, 5, 1, 6, 2, 7, 3], [0, 3, 1, 2, 4, 5, 6, 7]].iter().enumerate()
+        {
+            for (i, trial) in trials.iter().enumerate() {
+                let place = trial.search.unwrap();
+                if place.rung == rung && left.contains(&place.candidate) {
+                    results[i] = Some(finished(1.0 + f64::from(order[place.candidate])));
+                }
+            }
+            left.sort_by_key(|candidate| order[*candidate]);
+            left.truncate([4, 2][rung]);
+            for (trial, standing) in trials.iter().zip(search.eligibility(&results)) {
+                let place = trial.search.unwrap();
+                if place.rung == rung + 1 {
+                    let expected = match left.contains(&place.candidate) {
+                        true => Eligibility::Open,
+                        false => Eligibility::Dropped,
+                    };
+                    assert_eq!(standing, expected, "{place:?}");
+                }
+            }
+        }
+    }
+}

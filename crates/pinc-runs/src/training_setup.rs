@@ -95,11 +95,7 @@ impl<'a> TrainingSetup<'a> {
         }
     }
 
-    /// Reads the files of `[data]`.
-    ///
-    /// # Errors
-    ///
-    /// [`RunError`], naming the file and what is wrong with it.
+    /// Reads the files of `[data]`; an error names the file and what is wrong with it.
     pub(super) fn check_files(&self, experiment: &Experiment) -> Result<(), RunError> {
         self.measured(experiment, |data| &data.files)?;
         self.measured(experiment, |data| &data.held_out).map(drop)

@@ -144,6 +144,9 @@ fn a_net_follows_as_its_controller() {
     assert!((0.9..1.1).contains(&(judged.net.iae / judged.nmpc.iae)), "{judged:?}");
     assert_eq!([judged.checked.newly_broken, judged.backed.newly_broken], [0, 0], "{judged:?}");
     assert!(judged.checked.kept > 0.3, "{judged:?}");
+    // Shares of steps: the net alone keeps all of its plans, and the controller none.
+    assert!((judged.net.kept - 1.0).abs() < 1e-12 && judged.nmpc.kept == 0.0, "{judged:?}");
+    assert!((judged.nmpc.optimized - 1.0).abs() < 1e-12, "{judged:?}");
     assert!((1000..=small().samples).contains(&found.labels), "{}", found.labels);
     let config = ShrinkConfig { iterations: 5, loops: 4, threads: 2, ..small() };
     let (one, two) =

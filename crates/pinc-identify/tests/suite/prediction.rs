@@ -109,4 +109,10 @@ fn predictions_have_starts_and_are_validated_by_simulation() {
     let simulated = simulate_held_out(&mut *model(), &known, &found.p, recording, 20).unwrap();
     assert_eq!(held_out, simulated);
     assert_ne!(held_out, found.fitted[0]);
+    // The state at the beginning follows from the first rows alone.
+    let mut later = y.clone();
+    later[20..].iter_mut().for_each(|y| *y += 1.0);
+    let later = Recording { y: &later, ..recording };
+    let unseen = simulate_held_out(&mut *model(), &known, &found.p, later, 20).unwrap();
+    assert_eq!(unseen, simulated);
 }

@@ -240,6 +240,14 @@ fn draws_make_histograms_that_count_every_trial() {
     for model in [",PINC,", ",RK4,"] {
         assert!((counted(model) - 603.0).abs() < 0.5, "{model} {}", counted(model));
     }
+    // The bars of a bin stand side by side, with a small gap.
+    let ends = |model: &str| {
+        let (_, cells) = csv(&figures[0]).lines().find_map(|line| line.split_once(model)).unwrap();
+        let mut cells = cells.split(',').map(|cell| cell.parse::<f64>().unwrap());
+        [cells.next().unwrap(), cells.next().unwrap()]
+    };
+    let ([from, to], [next, _]) = (ends(",PINC,"), ends(",RK4,"));
+    assert!((0.8..1.0).contains(&((to - from) / (next - from))), "{from} {to} {next}");
 }
 
 #[test]
