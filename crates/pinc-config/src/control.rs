@@ -169,8 +169,7 @@ pub struct ControlSpec {
     /// Dead time of the inputs in whole control steps.
     #[serde(default)]
     pub delay_steps: usize,
-    /// Whether the controller knows future references. If not, it plans as if the present one held
-    /// for ever.
+    /// Whether the controller knows future references. If not, it plans as if the present one stayed.
     #[serde(default = "yes")]
     pub preview: bool,
     /// Time that the controller may take for a step, in µs; no limit if absent.
