@@ -28,9 +28,12 @@ type Checked<T> = Result<T, (String, Problem)>;
 /// The equations, if the plant is a text, and the names of states, inputs and own outputs.
 type Named = (Option<Equations>, [Vec<String>; 3]);
 
-/// How lists were written in a file, by their keys, and the file. No result depends on it: all are equal.
+/// How lists were written in a file, by their keys. No result depends on it: all are equal.
 #[derive(Clone, Debug, Default)]
-pub(crate) struct AsWritten(Vec<(String, Value)>, pub(crate) PathBuf);
+pub(crate) struct AsWritten {
+    lists: Vec<(String, Value)>,
+    pub(crate) file: PathBuf,
+}
 
 impl PartialEq for AsWritten {
     fn eq(&self, _: &Self) -> bool {
@@ -41,13 +44,13 @@ impl PartialEq for AsWritten {
 impl AsWritten {
     /// These and others, which are put back later.
     pub(crate) fn and(mut self, later: Vec<(String, Value)>) -> Self {
-        self.0.extend(later);
+        self.lists.extend(later);
         self
     }
 
     /// Puts these lists back, so that arrays of another size can have them.
     pub(crate) fn restore(&self, table: &mut Table) {
-        for (key, value) in &self.0 {
+        for (key, value) in &self.lists {
             // A key that is gone did not name a list.
             let _ = layers::assign(table, key, value.clone());
         }
@@ -148,7 +151,7 @@ pub(crate) fn write_out(table: &mut Table, plants: &Plants) -> Checked<AsWritten
     lists.tables(&SOME_STATES, &states);
     lists.tables(&SOME_INPUTS, &inputs);
     lists.tables(&SOME_OUTPUTS, &outputs);
-    Ok(AsWritten(lists.written, PathBuf::new()))
+    Ok(AsWritten { lists: lists.written, ..AsWritten::default() })
 }
 
 /// The names of a plant with arrays, or of any plant if a list is written by name.

@@ -133,14 +133,14 @@ impl Experiment {
         }
         let experiment = Self::from_table(std::mem::take(&mut layers.table), plants);
         let mut experiment = experiment.map_err(|(key, problem)| layers.error(key, problem))?;
-        path.clone_into(&mut experiment.as_written.1);
+        path.clone_into(&mut experiment.as_written.file);
         Ok(experiment)
     }
 
     /// The file that it was read from, or else its name.
     #[must_use]
     pub fn source(&self) -> String {
-        let file = self.as_written.1.display().to_string();
+        let file = self.as_written.file.display().to_string();
         if file.is_empty() { self.name.clone() } else { file }
     }
 
@@ -187,8 +187,7 @@ impl Experiment {
         Table::try_from(self).expect("the values have a form in TOML")
     }
 
-    /// The experiment as a table, with lists for a plant with arrays and schedules as they were
-    /// written.
+    /// The experiment as a table, with lists for arrays and schedules as they were written.
     pub(crate) fn to_table_as_written(&self) -> Table {
         let mut table = self.to_table();
         self.as_written.restore(&mut table);
@@ -356,8 +355,7 @@ impl Experiment {
         same
     }
 
-    /// Whether a trial of a sweep trains a net: not if all that it does is done with numerical
-    /// models.
+    /// Whether a trial of a sweep trains a net: not if all that it does takes numerical models.
     #[must_use]
     pub fn asks_for_a_net(&self) -> bool {
         let numerical = self.control.as_ref().is_some_and(|c| !c.models.contains(&ModelKind::Pinc));
@@ -384,8 +382,7 @@ impl Experiment {
     }
 }
 
-/// How many steps of `sample_time_s` a duration has, one at least; the config was checked for it
-/// to be whole.
+/// How many steps of `sample_time_s` a duration has, one at least; it was checked to be whole.
 #[must_use]
 pub fn steps(duration_s: f64, sample_time_s: f64) -> usize {
     step_at(duration_s, sample_time_s).max(1)
