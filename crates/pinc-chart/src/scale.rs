@@ -299,4 +299,16 @@ mod tests {
         let scale = Scale::around(Kind::Count, [2.0, 3.0].into_iter()).unwrap();
         assert_eq!(labels(&scale, 8), ["0", "1", "2", "3"]);
     }
+
+    /// Only half a per cent of the values may lie below a logarithmic axis.
+    #[test]
+    fn a_logarithmic_axis_keeps_what_is_not_rare() {
+        let values = |small: usize| {
+            let small = std::iter::repeat_n(1e-3, small);
+            small.chain((0..390).map(|i| 1.0 + f64::from(i) / 100.0))
+        };
+        let low = |small: usize| Scale::around(Kind::Log, values(small)).unwrap().range().0;
+        assert!(low(10) < 1e-3, "{}", low(10));
+        assert!(low(1) > 0.1, "{}", low(1));
+    }
 }

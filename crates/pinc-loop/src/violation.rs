@@ -25,6 +25,14 @@ pub struct Violation {
     pub size: f64,
 }
 
+impl Violation {
+    /// The amount as a share of the quantity's size, or of the bound where that is larger.
+    #[must_use]
+    pub fn share(&self) -> f64 {
+        self.amount / self.size.max(self.bound.abs())
+    }
+}
+
 /// The worst violation of each bound so far.
 #[derive(Clone, Debug)]
 pub(crate) struct Violations {

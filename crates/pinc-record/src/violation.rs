@@ -52,7 +52,7 @@ impl ViolationMetrics {
             amount: violation.amount,
             time_s: violation.time_s,
             at_steps: violation.at_steps,
-            share: violation.amount / violation.size.max(violation.bound.abs()),
+            share: violation.share(),
             from_step,
         }
     }

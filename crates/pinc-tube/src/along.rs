@@ -69,3 +69,22 @@ pub struct BackOffs {
     /// At the outputs where these inputs begin to act, `[N, ny]`; empty if no bound depends on them.
     pub starts: Vec<f64>,
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// With a delay, stage j of the tube is a later one of the plan; the last one goes on.
+    #[test]
+    fn stages_are_shifted_and_end_with_the_last() {
+        let stages = Stages { x: &[0.1, 0.2, 0.3], u: &[1.0, 2.0, 3.0], p: &[] };
+        let (a, b) = ([4.0, 5.0, 6.0], [7.0, 8.0, 9.0]);
+        let along = AlongPlan::new(stages, [&a, &b], Dims::new(1, 1), 1);
+        for (j, at) in [(0, 1), (1, 2), (2, 2)] {
+            let (point, [by_x, by_u]) = along.stage(j);
+            let found = [point.x[0], point.u[0], by_x[0], by_u[0]];
+            let expected = [stages.x[at], stages.u[at], a[at], b[at]];
+            assert_eq!(found.map(f64::to_bits), expected.map(f64::to_bits), "{j}");
+        }
+    }
+}

@@ -164,6 +164,35 @@ mod tests {
         }
     }
 
+    /// The first plan's back-offs cross a bound, the later ones' do not.
+    #[derive(Debug)]
+    struct WideAtFirst(bool);
+
+    impl Tube for WideAtFirst {
+        fn write(&mut self, _: AlongPlan<'_>, to: &mut BackOffs) {
+            to.states[0] = if std::mem::take(&mut self.0) { 3.0 } else { 1.0 };
+        }
+
+        fn set_covariance(&mut self, _: &[f64]) {}
+    }
+
+    #[test]
+    fn a_plan_is_judged_by_its_own_back_offs() {
+        let none = || [vec![], vec![]];
+        let given = [[vec![0.0], vec![4.0]], none(), none()];
+        let mut tightening = Tightening::new(Box::new(WideAtFirst(true)), [1, 0, 0], given);
+        let stages = Stages { x: &[0.0], u: &[0.0], p: &[] };
+        let along = AlongPlan::new(stages, [&[1.0], &[1.0]], Dims::new(1, 1), 0);
+        let (mut low, mut high) = ([0.0], [0.0]);
+        for fits in [false, true, true] {
+            let [no_low, no_high, no_start, no_end]: [&mut [f64]; 4] = Default::default();
+            let to = [[&mut low[..], &mut high[..]], [no_low, no_high], [no_start, no_end]];
+            tightening.tighten(along, to);
+            let bounds: [[&[f64]; 2]; 3] = [[&low, &high], [&[], &[]], [&[], &[]]];
+            assert_eq!(tightening.judge(bounds, &[2.0], [&[], &[]]).fits, fits);
+        }
+    }
+
     /// The bounds of state and input, of the output and of the output at the start.
     fn parts(sides: &mut [f64; 4]) -> [&mut [f64]; 3] {
         let (z, rest) = sides.split_at_mut(2);

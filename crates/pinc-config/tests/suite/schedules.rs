@@ -217,7 +217,8 @@ fn bounds_are_functions_of_t() {
 fn a_bound_over_the_run_has_its_changes_only() {
     let steps = "control.bound_schedule=[{ start_s = 1.0, state_high = { x = 2.0 } }, \
                  { start_s = 1.5, input_low = { u = 0.25 } }, { start_s = 2.0, state_high = { x = 1.5 } }]";
-    let control = experiment(&[steps]).control.unwrap();
+    let experiment = experiment(&[steps]);
+    let (variables, control) = (experiment.plant.variables(), experiment.control.unwrap());
     let [low, high] = control.bounds_over_time(Bounded::State(0), "x");
     assert_eq!(low, []);
     assert_eq!(high, [(0.0, 5.0), (1.0, 2.0), (2.0, 1.5)]);
@@ -225,6 +226,12 @@ fn a_bound_over_the_run_has_its_changes_only() {
     assert_eq!(low, [(0.0, -1.0), (1.5, 0.25)]);
     assert_eq!(high, [(0.0, 1.0)]);
     assert_eq!(control.bounds_over_time(Bounded::Output(0), "y"), [vec![], vec![]]);
+    // The controller's bounds are the same: a step keeps what the steps before it changed.
+    let problem = control.problem(&variables, 0.5);
+    let rows = control.bound_schedule(&problem, &variables, 0.5).unwrap().unwrap();
+    let at = |step| (rows.at(step, Bounded::State(0))[1], rows.at(step, Bounded::Input(0))[0]);
+    let found: Vec<(f64, f64)> = [1, 2, 3, 4].map(at).to_vec();
+    assert_eq!(found, [(5.0, -1.0), (2.0, -1.0), (2.0, 0.25), (1.5, 0.25)]);
 }
 
 #[test]

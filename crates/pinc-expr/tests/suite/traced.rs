@@ -255,6 +255,17 @@ fn equations_inside_become_algebraic_variables() {
     rosenbrock_is_differentiated(&*into_dyn(Cubic), &[2.0, 3.0], 0.7);
 }
 
+/// Another value of a constant holds in the compiled plant as in the recorded one.
+#[test]
+fn a_constant_is_another_in_both_forms() {
+    let equations = PlantEquations::traced(VanDerPol { mu: 1.0 }).with_parameters([("mu", 3.0)]);
+    for plant in [equations.to_dyn().unwrap(), equations.compile_with(&[]).unwrap().into_dyn()] {
+        let mut dx = [0.0; 2];
+        plant.rhs(&[0.5, 2.0], &[0.25], &[], &mut dx);
+        assert!((dx[0] - 2.0).abs() < 1e-15 && (dx[1] - 4.25).abs() < 1e-14, "{dx:?}");
+    }
+}
+
 #[test]
 fn an_iteration_of_its_own_is_refused_by_name() {
     let error = PlantEquations::traced(Heron).compile_with(&[]).unwrap_err();

@@ -60,6 +60,17 @@ fn a_size_has_no_sign() {
     assert_eq!((output.side, output.bound.to_bits()), (Side::Low, (-1.1_f64).to_bits()));
 }
 
+/// A quantity that stays far below its lower bound is small beside it.
+#[test]
+fn a_share_is_of_the_larger_of_size_and_bound() {
+    let broken = broken_by_the_lag(Softness::Hard, Softness::Hard);
+    let largest = broken.iter().find(|of| of.of == Bounded::Output(1)).unwrap();
+    assert!((largest.share() - 0.5 / 2.5).abs() < 1e-12, "{largest:?}");
+    let mut small = *largest;
+    (small.bound, small.size, small.amount) = (-4.0, 1.0, 3.0);
+    assert!((small.share() - 0.75).abs() < 1e-15, "{small:?}");
+}
+
 /// States and outputs have their own softness.
 #[test]
 fn softness_belongs_to_the_quantity() {
