@@ -91,7 +91,9 @@ impl Arguments {
 impl NmpcBatch {
     fn make(origin: Origin, threads: usize) -> PyResult<Self> {
         if threads > MOST_THREADS {
-            return Err(input(format!("threads: {threads} given, expected {MOST_THREADS} at most")));
+            return Err(input(format!(
+                "threads: {threads} given, expected {MOST_THREADS} at most"
+            )));
         }
         let controller = origin.make(|experiment, model, only| {
             BatchController::new(experiment, model, only, threads, "pinc.NmpcBatch")
