@@ -1,7 +1,7 @@
 //! The model file: round trip, stability, and every kind of damage.
 
 use pinc_net::{Ansatz, Domain, ModelError, NetConfig, PincNet, Scenario};
-use pinc_ode::Plant;
+use pinc_ode::{Dims, Plant};
 use pinc_plants::{FourTanks, VanDerPol};
 use proptest::prelude::*;
 
@@ -127,4 +127,13 @@ proptest! {
         bytes[place] = value;
         let _ = PincNet::from_bytes(&bytes);
     }
+}
+
+/// A domain without a width scales nothing.
+#[test]
+fn ends_of_a_domain_differ() {
+    let domain = |low: f64| Domain::new([low..=1.0], [0.0..=1.0]).validate(Dims::new(1, 1));
+    assert!(domain(0.999).is_ok());
+    let error = domain(1.0).unwrap_err().to_string();
+    assert!(error.contains("state_low") && error.contains("less than the upper end"), "{error}");
 }
