@@ -106,7 +106,7 @@ impl NmpcBatch {
     }
 
     /// m
-    fn inputs(&self) -> usize {
+    fn input_count(&self) -> usize {
         self.lock().batch().nmpc().model().dims().nu
     }
 
@@ -181,7 +181,7 @@ impl NmpcBatch {
     ) -> PyResult<StepBatch> {
         let given = self.arguments(&x, &reference, u_before.as_ref(), parameters.as_ref())?;
         let steps = py.detach(|| self.lock().batch_mut().steps(given.at()));
-        step_batch(py, steps.map_err(of_mpc)?, [given.steps, self.inputs()])
+        step_batch(py, steps.map_err(of_mpc)?, [given.steps, self.input_count()])
     }
 
     #[doc = doc!("NmpcBatch.gradients")]
@@ -213,7 +213,7 @@ impl NmpcBatch {
         Ok(GradientBatch {
             values: by_name(py, &found.gradients, Some(given.steps))?,
             regularity: found.regularities.iter().map(ToString::to_string).collect(),
-            steps: Py::new(py, step_batch(py, found.steps, [given.steps, self.inputs()])?)?,
+            steps: Py::new(py, step_batch(py, found.steps, [given.steps, self.input_count()])?)?,
         })
     }
 
