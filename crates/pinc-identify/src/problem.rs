@@ -34,7 +34,7 @@ pub struct Channel {
     /// The standard deviation of its noise, by which its residuals are divided; 1 where it is not
     /// known.
     pub sd: Option<f64>,
-    /// Whether nobody knows that standard deviation: it is of residuals.
+    /// Whether that standard deviation is unknown and estimated from the residuals.
     pub is_estimated: bool,
 }
 

@@ -24,7 +24,7 @@ pub(super) fn closed_loop(
     }
     length("control.initial_state", &spec.initial_state, states, "state")?;
     if let Some(input) = &spec.initial_input {
-        applied("control.initial_input", input, spec, inputs)?;
+        length("control.initial_input", input, inputs, "input")?;
     }
     first_plan(spec, inputs)?;
     cost::parts(spec)?;
