@@ -121,7 +121,7 @@ pub fn decimals(value: f64, count: usize) -> String {
     if value == 0.0 || (least..1e9).contains(&value.abs()) || !value.is_finite() {
         format!("{value:.count$}")
     } else {
-        format!("{value:.3e}")
+        format!("{value:.count$e}")
     }
 }
 
@@ -286,9 +286,9 @@ mod tests {
             (113.572_94, "113.5729"),
             (0.0123, "0.0123"),
             (0.0, "0.0000"),
-            (9.5e-4, "9.500e-4"),
-            (-4.4361e-10, "-4.436e-10"),
-            (1e18, "1.000e18"),
+            (9.5e-4, "9.5000e-4"),
+            (-4.4361e-10, "-4.4361e-10"),
+            (1e18, "1.0000e18"),
             (f64::NAN, "NaN"),
         ] {
             assert_eq!(decimals(value, 4), text);

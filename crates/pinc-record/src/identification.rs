@@ -215,6 +215,17 @@ impl MinimumMetrics {
     }
 }
 
+/// A number with six decimals, or as many as half the width of its interval needs.
+fn as_precise(value: f64, half_width: Option<f64>) -> String {
+    let power = |v: f64| v.abs().log10().floor();
+    let wanted = half_width.filter(|of| *of > 0.0).map_or(6.0, |of| (2.0 - power(of)).max(6.0));
+    let is_small = value != 0.0 && value.abs() < 1e-3;
+    let wanted = if is_small { wanted + power(value) } else { wanted };
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "from 2 to 15")]
+    let count = wanted.clamp(2.0, 15.0) as usize;
+    if is_small { format!("{value:.count$e}") } else { decimals(value, count) }
+}
+
 /// The result in a few lines.
 impl fmt::Display for IdentificationMetrics {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
@@ -241,7 +252,7 @@ impl fmt::Display for IdentificationMetrics {
         let parameters = parameters.map(|(name, of)| (name.clone(), &of.estimate));
         let gains = self.gains.iter().map(|(name, of)| (name.clone(), of));
         for (name, estimate) in parameters.chain(gains).chain(states) {
-            let value = decimals(estimate.value, 6);
+            let value = as_precise(estimate.value, estimate.half_width_95);
             match estimate.half_width_95 {
                 Some(width) => write!(f, "\n  {name} = {value} +- {width:.2e}")?,
                 None => write!(f, "\n  {name} = {value}, without an interval")?,
@@ -332,6 +343,20 @@ mod tests {
             "findings": [],
             "work": { "iterations": 1, "steps": 1, "linearized": 1, "wall_s": 1.0 } }"#;
         serde_json::from_str(text).unwrap()
+    }
+
+    #[test]
+    fn estimates_have_the_digits_of_their_intervals() {
+        for (value, half_width, text) in [
+            (1.300_17e-9, Some(4.08e-13), "1.300170e-9"),
+            (0.001_200_12, Some(4.44e-7), "0.001200120"),
+            (0.3, Some(0.01), "0.300000"),
+            (2.5e-7, None, "2.50e-7"),
+            (0.0, Some(1e-30), "0.000000000000000"),
+            (-5.627e-8, Some(8.64e-7), "-5.63e-8"),
+        ] {
+            assert_eq!(as_precise(value, half_width), text);
+        }
     }
 
     #[test]
