@@ -149,6 +149,7 @@ fn main() -> ExitCode {
 
 #[cfg(feature = "program")]
 mod choices;
+#[cfg(feature = "program")]
 mod chosen;
 #[cfg(feature = "program")]
 mod cli;
