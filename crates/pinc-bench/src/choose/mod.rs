@@ -58,6 +58,17 @@ impl Timed {
         }
     }
 
+    /// What there is to say of the times.
+    fn note(self) -> Option<&'static str> {
+        match self {
+            Self::Program => None,
+            Self::ExportedC => Some(
+                "times are of the exported C, compiled by cc -O2, over the steps of its self-test, each the \
+                 least of 30 runs",
+            ),
+        }
+    }
+
     /// The one of this name.
     #[must_use]
     pub fn from_name(name: &str) -> Option<Self> {
@@ -105,7 +116,8 @@ pub fn choose(
     if let Some(standard) = search.standard(&found.tried) {
         found.prove(&standard, |tried| session.proven(tried));
     }
-    let notes = [&base.notes[..], session.notes()].concat();
+    let mut notes = base.notes.clone();
+    notes.extend(how.timed.note().map(str::to_owned));
     let Some(advice) = Advice::of(&search, &found, &notes) else {
         return Err(nothing(&experiment.name, &found));
     };

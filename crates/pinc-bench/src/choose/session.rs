@@ -32,7 +32,6 @@ pub(super) struct Session<'a> {
     /// The controllers in C, with what was tried, if these are timed.
     timed: Timed,
     in_c: Vec<(Candidate, Tried, Option<InC>)>,
-    notes: Vec<String>,
     /// The box in which integrators have to be sound.
     of_box: Option<IntegratorBox<'a>>,
 }
@@ -62,14 +61,6 @@ impl<'a> Session<'a> {
         }
         let [trying, deadline] = [TRYING * budget_s, budget_s].map(Deadline::in_seconds);
         let stage = Stage::begin(options.verbosity, "choose", deadline.whole_s());
-        let notes = match timed {
-            Timed::Program => Vec::new(),
-            Timed::ExportedC => vec![
-                "times are of the exported C, compiled by cc -O2, over the steps of its self-test, each the \
-                 least of 30 runs"
-                    .to_owned(),
-            ],
-        };
         let of_box = IntegratorBox::of(&*base.plant, &base.experiment);
         Ok(Self {
             base,
@@ -83,7 +74,6 @@ impl<'a> Session<'a> {
             stage,
             timed,
             in_c: Vec::new(),
-            notes,
             of_box,
         })
     }
@@ -212,11 +202,6 @@ impl Loops for Session<'_> {
 }
 
 impl Session<'_> {
-    /// What there is to say of the times.
-    pub(super) fn notes(&self) -> &[String] {
-        &self.notes
-    }
-
     /// The quality of the program's loop, with the time of a step in C.
     fn run_in_c(
         &mut self,
