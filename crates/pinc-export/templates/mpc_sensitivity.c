@@ -19,6 +19,12 @@
 #define PINC_COLUMNS (PINC_GIVEN + PINC_NU)
 #define PINC_NAN ((PINC_REAL)NAN)
 
+/* The place of an unknown's size: states come before inputs. */
+static int pinc_size_of(int v)
+{
+    return (v < PINC_STATES) ? (v % PINC_NX) : (PINC_NX + ((v - PINC_STATES) % PINC_NU));
+}
+
 static void pinc_see_size(PINC_REAL *size, PINC_REAL v)
 {
     if (pinc_finite(v) != 0) {
@@ -35,8 +41,7 @@ static void pinc_find_sizes(const pinc_mpc *m, pinc_sensitivity *s)
         pinc_see_size(s->size + v, m->start[v]);
     }
     for (v = 0; v < PINC_UNKNOWNS; v++) {
-        PINC_REAL *size = s->size + ((v < PINC_STATES) ? (v % PINC_NX)
-                                                       : (PINC_NX + ((v - PINC_STATES) % PINC_NU)));
+        PINC_REAL *size = s->size + pinc_size_of(v);
         pinc_see_size(size, m->plan.z[v]);
         pinc_see_size(size, PINC_LEAST_SIZE * m->low[v]);
         pinc_see_size(size, PINC_LEAST_SIZE * m->high[v]);
@@ -152,9 +157,7 @@ static void pinc_differentiate(pinc_mpc *m, const PINC_REAL *reference, pinc_sen
     int side;
     int v;
     for (v = 0; v < PINC_UNKNOWNS; v++) {
-        const int of = (v < PINC_STATES) ? (v % PINC_NX)
-                                         : (PINC_NX + ((v - PINC_STATES) % PINC_NU));
-        largest = pinc_max(largest, pinc_abs(s->direction[v]) / s->size[of]);
+        largest = pinc_max(largest, pinc_abs(s->direction[v]) / s->size[pinc_size_of(v)]);
     }
     if (given >= 0) {
         moved = (given < PINC_NX) ? (m->start + given) : (m->previous + (given - PINC_NX));
