@@ -77,6 +77,13 @@ fn a_step_is_certified_at_points_and_over_the_domain() {
     assert_eq!(resumed.domain.unwrap().boxes, domain.boxes);
 }
 
+#[test]
+fn too_many_points_are_refused() {
+    let dir = tempfile::tempdir().unwrap();
+    outcome(&mut pinc(&arguments(dir.path(), &["--points", "1000001"])))
+        .assert_refused(&["1000001 points given, expected 1000000 at most"]);
+}
+
 /// A search that is cut short says the errors at points, where they are larger than its own.
 #[test]
 fn the_errors_found_include_the_points() {
