@@ -104,7 +104,7 @@ pub enum Diagnosis {
         /// Whether that was given; if not, it was estimated from the data.
         given: bool,
     },
-    /// A channel of unknown noise, whose weight is of its residuals.
+    /// A channel of unknown noise, weighed by its residuals.
     Weighed {
         /// The channel.
         name: String,
