@@ -72,6 +72,8 @@ pub(super) enum RowStatus {
 #[derive(Clone, Debug)]
 pub(super) struct ActiveRows {
     statuses: Vec<RowStatus>,
+    /// The rows that are held now, with their bounds: few of all.
+    held: Vec<(usize, f64)>,
     stiffness: f64,
     /// For programs whose Hessian stays.
     constant_stiffness: f64,
@@ -88,6 +90,7 @@ impl ActiveRows {
     pub(super) fn new(qp: &Qp) -> Self {
         Self {
             statuses: vec![RowStatus::Inactive; Rows::new(qp.dims).len()],
+            held: Vec::with_capacity(Rows::new(qp.dims).len()),
             stiffness: stiffness(qp),
             constant_stiffness: stiffness(qp),
             work: QpWork::default(),
@@ -197,12 +200,17 @@ impl ActiveRows {
         at: &mut Newton,
         expired: &mut dyn FnMut() -> bool,
     ) -> Option<bool> {
-        for ((status, weight), mu) in self.statuses.iter().zip(&mut at.weights).zip(&mut at.mu) {
-            *weight = 0.0;
-            match status {
+        self.held.clear();
+        at.weights.fill(0.0);
+        at.terms.fill(0.0);
+        for (row, (status, mu)) in self.statuses.iter().zip(&mut at.mu).enumerate() {
+            match *status {
                 RowStatus::Inactive => *mu = 0.0,
-                RowStatus::Held { .. } => *weight = self.stiffness,
-                RowStatus::Violated(penalty) => *mu = *penalty,
+                RowStatus::Held { bound, .. } => {
+                    at.weights[row] = self.stiffness;
+                    self.held.push((row, bound));
+                }
+                RowStatus::Violated(penalty) => *mu = penalty,
             }
         }
         self.work.factorizations += 1;
@@ -221,19 +229,13 @@ impl ActiveRows {
                 return None;
             }
             self.steps_left = self.steps_left.checked_sub(1)?;
-            for ((status, value), term) in self.statuses.iter().zip(&at.values).zip(&mut at.terms) {
-                *term = match status {
-                    RowStatus::Held { bound, .. } => self.stiffness * (value - bound),
-                    _ => 0.0,
-                };
+            for &(row, bound) in &self.held {
+                at.terms[row] = self.stiffness * (at.values[row] - bound);
             }
             at.solve(qp);
             at.advance(1.0);
-            let moved = at.moved.iter().zip(&at.terms);
-            for ((status, mu), (moved, term)) in self.statuses.iter().zip(&mut at.mu).zip(moved) {
-                if matches!(status, RowStatus::Held { .. }) {
-                    *mu += self.stiffness * moved + term;
-                }
+            for &(row, _) in &self.held {
+                at.mu[row] += self.stiffness * at.moved[row] + at.terms[row];
             }
         }
         at.residuals(qp);
@@ -247,10 +249,7 @@ impl ActiveRows {
             return false;
         }
         let extent = 1.0 + largest(&at.d);
-        let off = self.statuses.iter().zip(&at.values).map(|(status, value)| match status {
-            RowStatus::Held { bound, .. } => (value - bound).abs(),
-            _ => 0.0,
-        });
+        let off = self.held.iter().map(|&(row, bound)| (at.values[row] - bound).abs());
         let off = off.fold(largest(&at.defect), f64::max);
         extent.is_finite() && off <= TOLERANCE * extent
     }
