@@ -109,11 +109,12 @@ impl Horizon {
         self.blocks[place.unwrap_or(last)].model.as_mut()
     }
 
-    /// Linearizes at the points of all stages, each by its model; whether it came to the end before
-    /// `expired` said that the time is up.
+    /// Linearizes at the points of the stages `renewed` of all, each by its model; whether it came
+    /// to the end before `expired` said that the time is up.
     #[inline(always)]
     pub(crate) fn linearize(
         &mut self,
+        renewed: Range<usize>,
         at: Stages<'_>,
         out: Linearization<'_>,
         expired: &mut dyn FnMut() -> bool,
@@ -122,11 +123,12 @@ impl Horizon {
         let unasked = UNASKED[usize::from(nx + nu > SMALL)];
         let Linearization { next, a, b, e } = out;
         for Block { model, stages } in &mut self.blocks {
-            for start in stages.clone().step_by(unasked) {
+            let last = stages.end.min(renewed.end);
+            for start in (stages.start.max(renewed.start)..last).step_by(unasked) {
                 if start > 0 && expired() {
                     return false;
                 }
-                let end = stages.end.min(start + unasked);
+                let end = last.min(start + unasked);
                 let part = |width: usize| start * width..end * width;
                 let by_p = if e.is_empty() { 0..0 } else { part(nx * np) };
                 let points = Stages { x: &at.x[part(nx)], u: &at.u[part(nu)], p: &at.p[part(np)] };

@@ -88,7 +88,7 @@ impl Program<'_> {
 
     /// Linearizes the models of all stages, each at its own point.
     pub fn linearize(&mut self, at: Stages<'_>, out: Linearization<'_>) {
-        self.0.horizon.linearize(at, out, &mut || false);
+        self.0.horizon.linearize(0..usize::MAX, at, out, &mut || false);
     }
 
     /// Writes the gradients of w'F(x, u, p) of the models of all stages, each at its own point: see

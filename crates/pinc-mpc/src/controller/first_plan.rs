@@ -5,6 +5,7 @@ use crate::error::check_finite;
 use crate::guess::{Guess, Phase};
 use crate::sqp::{Outcome, PlanState};
 use crate::{Bounds, MpcError, SqpStatus};
+use pinc_qp::all_finite;
 
 /// A plan replaces another one if it is cheaper by this part of the cost: the same minimum, found
 /// from two starts, differs by rounding.
@@ -52,6 +53,47 @@ impl Nmpc {
         self.plan.stay_at(x);
         let rolls_out = self.rolls_out();
         self.guess = if rolls_out { Guess::Given } else { Guess::Warm { fallback: false } };
+    }
+
+    /// Makes the last plan the first guess of the next, unless it is already.
+    pub(super) fn shift_warm_start(&mut self) {
+        if self.phase != Phase::Solved {
+            return;
+        }
+        self.phase = Phase::Shifted;
+        let tentative = matches!(self.guess, Guess::Tentative { .. });
+        // A shifted tree would begin where one branch leads, and the plans of the others elsewhere.
+        let stays = self.is_warm() && !self.dims.tree.is_chain();
+        if stays && !tentative {
+            self.fallback.copy_from(&self.plan);
+        }
+        if self.horizon.is_uniform() {
+            let is_orbit = self.problem.periodic.len() == self.dims.nx;
+            if !stays {
+                self.plan.shift(is_orbit);
+            }
+            if stays || tentative {
+                self.fallback.shift(is_orbit);
+            }
+        } else {
+            self.fallback.copy_from(&self.plan);
+            self.plan.resample(&self.fallback, self.horizon.times());
+        }
+        if !self.is_warm() {
+            // Where the model has no value for what is under way, the states stay as they are.
+            if all_finite(&self.start) {
+                self.plan.stay_at(&self.start);
+            } else {
+                self.plan.multipliers.clear();
+            }
+        }
+        self.sqp.transcription.clear_unlimited(&mut self.plan.multipliers);
+        self.sqp.project(&mut self.plan, &self.previous);
+        if stays || tentative {
+            self.sqp.project(&mut self.fallback, &self.previous);
+        } else {
+            self.fallback.copy_from(&self.plan);
+        }
     }
 
     /// Makes the caller's plan the first guess.

@@ -25,8 +25,8 @@ const MOST_WAITING: usize = 5;
 
 /// Nonlinear model predictive control, Algorithm 2 of the paper, with any [`Model`] as the model.
 ///
-/// Each [`Nmpc::step`] solves the [`NmpcProblem`], starting from the last plan, shifted by a step,
-/// and returns the plan's first input.
+/// Each [`Nmpc::step`] solves the [`NmpcProblem`], starting from the last plan, shifted by a step (on a
+/// tree of scenarios, in its place), and returns the plan's first input.
 ///
 /// The input is always within its bounds and the bounds of its increments, however the optimization
 /// ends. A plan that is not optimal but true to the model (to the square root of the tolerance) is
@@ -489,40 +489,6 @@ impl Nmpc {
         if self.phase != Phase::Linearized {
             self.sqp.prepare(&mut self.horizon, &self.start, &self.plan);
             self.phase = Phase::Linearized;
-        }
-    }
-
-    /// Makes the last plan the first guess of the next, unless it is already.
-    fn shift_warm_start(&mut self) {
-        if self.phase != Phase::Solved {
-            return;
-        }
-        self.phase = Phase::Shifted;
-        let tentative = matches!(self.guess, Guess::Tentative { .. });
-        if self.horizon.is_uniform() {
-            let is_orbit = self.problem.periodic.len() == self.dims.nx;
-            self.plan.shift(is_orbit);
-            if tentative {
-                self.fallback.shift(is_orbit);
-            }
-        } else {
-            self.fallback.copy_from(&self.plan);
-            self.plan.resample(&self.fallback, self.horizon.times());
-        }
-        if !self.is_warm() {
-            // Where the model has no value for what is under way, the states stay as they are.
-            if all_finite(&self.start) {
-                self.plan.stay_at(&self.start);
-            } else {
-                self.plan.multipliers.clear();
-            }
-        }
-        self.sqp.transcription.clear_unlimited(&mut self.plan.multipliers);
-        self.sqp.project(&mut self.plan, &self.previous);
-        if tentative {
-            self.sqp.project(&mut self.fallback, &self.previous);
-        } else {
-            self.fallback.copy_from(&self.plan);
         }
     }
 

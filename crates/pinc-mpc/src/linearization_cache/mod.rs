@@ -8,12 +8,13 @@ use crate::{NmpcProblem, Scenarios};
 use pinc_ode::{Dims, Linearization, Model, Stages};
 use pinc_qp::{OcpDims, all_finite};
 use pinc_tube::AlongPlan;
+use std::ops::Range;
 
 /// The model, linearized at all stages of a plan.
 ///
 /// A controller begins each step with the plan of the step before, shifted by one stage. The model
 /// was linearized at all of its stages except the first and the last when that plan was judged;
-/// these are not evaluated again.
+/// these are not evaluated again. A tree begins with the plan in its place.
 #[derive(Debug)]
 pub(crate) struct LinearizationCache {
     dims: OcpDims,
@@ -146,15 +147,19 @@ impl LinearizationCache {
         // What a model had no value for is computed again.
         let one = horizon.has_one_model() && self.one_p && dims.tree.is_chain();
         let moved_on = one && self.known && self.is_moved_on() && self.stages.is_finite();
+        let known = self.known && !dims.tree.is_chain() && self.stages.is_finite();
         std::mem::swap(&mut self.input, &mut self.stages.points);
         self.known = true;
         if moved_on {
             self.evaluated += 2;
             self.renew_ends(horizon.first_mut());
         } else {
-            self.evaluated += dims.horizon;
+            let renewed = if known { self.changed() } else { 0..dims.horizon };
+            self.evaluated += renewed.len();
             let p = self.counts[1] * self.dims.horizon;
-            let by = |at: Stages<'_>, out: Linearization<'_>| horizon.linearize(at, out, expired);
+            let by = |at: Stages<'_>, out: Linearization<'_>| {
+                horizon.linearize(renewed, at, out, expired)
+            };
             self.known = self.stages.linearize(&self.parameters[..p], by);
         }
         self.filled = self.known;
@@ -187,6 +192,22 @@ impl LinearizationCache {
         };
         let Points { x, u } = &self.stages.points;
         horizon > 2 && same(&self.input.x, x, n) && same(&self.input.u, u, m)
+    }
+
+    /// The stages from the first to the last whose point is another one than before: where a tree
+    /// stays in place, those that leave its root.
+    fn changed(&self) -> Range<usize> {
+        let OcpDims { nx: n, nu: m, horizon, .. } = self.dims;
+        let (new, old) = (&self.stages.points, &self.input);
+        let differs = |&j: &usize| {
+            let same = |a: &[f64], b: &[f64], width: usize| {
+                let [a, b] = [a, b].map(|of| of[j * width..(j + 1) * width].iter());
+                a.map(|v| v.to_bits()).eq(b.map(|v| v.to_bits()))
+            };
+            !(same(&new.x, &old.x, n) && same(&new.u, &old.u, m))
+        };
+        let first = (0..horizon).find(differs).unwrap_or(horizon);
+        first..(first..horizon).rev().find(differs).map_or(first, |last| last + 1)
     }
 
     /// Moves the stages on, and linearizes at the first and the last.

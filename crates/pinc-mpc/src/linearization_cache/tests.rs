@@ -68,3 +68,37 @@ fn only_a_plan_with_the_same_states_and_inputs_is_known() {
         }
     }
 }
+
+/// Two branches at the root: a tree that stays in its place while the plant moves is known except at
+/// the stages that leave the root.
+#[test]
+fn a_tree_in_its_place_is_known_beyond_its_root() {
+    let tree = pinc_qp::Tree::new(2, 1).unwrap();
+    let dims = OcpDims {
+        nx: 1,
+        nu: 1,
+        horizon: 6,
+        n_controls: 5,
+        n1: 1,
+        inequalities: 0,
+        equalities: 0,
+        outputs: 0,
+        feedthrough: 0,
+        tree,
+    };
+    let problem = NmpcProblem::new(Dims::new(1, 1), 3, Weights::uniform(vec![1.0], vec![1.0]));
+    let mut cache = LinearizationCache::new(dims, &problem);
+    let model: Box<dyn Model> = Box::new(Square);
+    let mut horizon = Horizon::new(vec![(model, 3)], 3, tree).unwrap();
+    let plan = [0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 1.0, 2.0, 3.0, 4.0, 5.0];
+    let mut moved = plan;
+    moved[8] = 9.0;
+    for (x0, z, evaluated) in [(0.0, plan, 6), (0.5, plan, 2), (0.5, plan, 0), (0.5, moved, 1)] {
+        cache.evaluated = 0;
+        assert!(cache.follow(&mut horizon, [&[x0], &z], &mut || false));
+        assert_eq!(cache.evaluated, evaluated, "{x0}");
+        let mut other = LinearizationCache::new(dims, &problem);
+        assert!(other.follow(&mut horizon, [&[x0], &z], &mut || false));
+        assert_eq!(cache.parts(), other.parts());
+    }
+}
