@@ -17,7 +17,7 @@ pub(crate) struct Cholesky {
 const UNASKED: usize = 16;
 
 /// A pivot below this part of its diagonal entry counts as 0: what is left of it is rounding.
-const SMALLEST_PIVOT: f64 = 1e-13;
+pub(crate) const SMALLEST_PIVOT: f64 = 1e-13;
 
 impl Cholesky {
     pub(crate) fn new(size: usize) -> Self {

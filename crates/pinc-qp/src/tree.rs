@@ -63,6 +63,14 @@ impl Tree {
         j / self.branches
     }
 
+    /// The node that the first path comes to after the last branching; those of the other paths
+    /// follow.
+    #[must_use]
+    #[inline]
+    pub(crate) fn first_chain_node(self) -> usize {
+        self.fan - self.scenarios
+    }
+
     /// The children of a node in a tree without end.
     #[inline]
     pub(crate) fn children(self, node: usize) -> std::ops::Range<usize> {

@@ -1,6 +1,7 @@
 //! The path for long horizons, on the structure of the stages.
 
 mod active_rows;
+mod chains;
 mod interior_point;
 mod newton;
 mod recursion;

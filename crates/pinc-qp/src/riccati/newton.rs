@@ -21,7 +21,7 @@ const ROUGH: f64 = 1e-10;
 /// Weights D and `terms` are the caller's, by which it says how the rows behave. That steps are
 /// computed from the residuals, and not points anew, makes up for what D's large numbers cost in
 /// digits.
-#[derive(Clone, Debug)]
+#[derive(Debug)]
 pub(super) struct Newton {
     pub(super) rows: Rows,
     isa: Isa,

@@ -1,5 +1,6 @@
 //! The Riccati recursion.
 
+use super::chains::{Chains, groups};
 use crate::algebra::{add_product, add_scaled, add_transposed, block, block_mut, dot};
 use crate::factor::Cholesky;
 use crate::product::{Factor, To, multiply, padded};
@@ -27,14 +28,18 @@ use std::ops::Range;
 ///
 /// On a tree M and m of a node are sums over the stages that leave it, each with its own F, P, c
 /// and p. A node adds its part to the node before, which is factored when its last child has done
-/// so: at a cost linear in the number of nodes.
+/// so: at a cost linear in the number of nodes. After the last branching most of the paths are in
+/// [`Chains`], side by side.
 ///
 /// Reference: Rao, Wright and Rawlings, "Application of interior-point methods to model predictive
 /// control", J. Optim. Theory Appl. 99 (1998). All memory is allocated at construction.
-#[derive(Clone, Debug)]
+#[derive(Debug)]
 pub(super) struct Riccati {
     dims: OcpDims,
     isa: Isa,
+    chains: Vec<Box<dyn Chains>>,
+    /// How many paths are in chains.
+    chained: usize,
     /// P of `s_0` .. `s_N` in padded rows, `[N + 1, n + m, stride]`; of a node that has not been
     /// reached, the M of its children so far.
     p: Vec<f64>,
@@ -49,6 +54,8 @@ pub(super) struct Riccati {
     /// F of a stage and of the one before, and P F, in padded rows: `[2, n + m, stride]` and
     /// `[n + m, stride]`.
     models: Vec<f64>,
+    /// The stage whose F there is.
+    read: Option<usize>,
     product: Vec<f64>,
     /// `-L^-1 M_u:` with G = L L', `[m, stride]`.
     half: Vec<f64>,
@@ -63,14 +70,24 @@ pub(super) struct Riccati {
 /// microseconds.
 const UNASKED: usize = 8_000;
 
+/// How many stages of a state of the recursion of `s` numbers that is.
+pub(super) fn unasked(s: usize) -> usize {
+    (UNASKED / (4 * s * s * s)).max(1)
+}
+
 impl Riccati {
     pub(super) fn new(dims: OcpDims) -> Self {
         let (n, m) = (dims.nx, dims.nu);
         let s = n + m;
         let stride = padded(s);
+        let isa = Isa::detect();
+        let (chains, chained) = groups(dims, isa);
         Self {
             dims,
-            isa: Isa::detect(),
+            isa,
+            chains,
+            chained,
+            read: None,
             p: vec![0.0; (dims.horizon + 1) * s * stride],
             gain: vec![0.0; dims.n_controls * m * stride],
             pivot: vec![Cholesky::new(m); dims.n_controls],
@@ -107,9 +124,14 @@ impl Riccati {
     ) -> bool {
         let OcpDims { horizon, n1, .. } = self.dims;
         let (s, stride) = (n + m, padded(n + m));
-        let unasked = (UNASKED / (4 * s * s * s)).max(1);
+        let unasked = unasked(s);
         let by_row = RowWeights::new(self.dims, weights);
-        self.read_model(qp, horizon - 1, (n, m));
+        for chains in &mut self.chains {
+            if !chains.factor(qp, &by_row, &mut self.p, expired) {
+                return false;
+            }
+        }
+        self.read = None;
         let mut next_look = horizon.checked_sub(unasked);
         for j in (0..=horizon).rev() {
             if next_look == Some(j) {
@@ -118,8 +140,14 @@ impl Riccati {
                 }
                 next_look = j.checked_sub(unasked);
             }
-            if !self.minimize(zero, qp, &by_row, j, (n, m)) {
-                return false;
+            match self.place(j) {
+                Place::Alone if !self.minimize(zero, qp, &by_row, j, (n, m)) => return false,
+                Place::Alone => {}
+                Place::FirstInChain => {
+                    self.hand_on(zero, qp, j - 1, (n, m));
+                    continue;
+                }
+                Place::InChain => continue,
             }
             let Some(stage) = j.checked_sub(1) else { break };
             let p = block_mut(&mut self.p, j, s * stride);
@@ -136,6 +164,20 @@ impl Riccati {
             self.hand_on(zero, qp, stage, (n, m));
         }
         true
+    }
+
+    /// Where node `j` is solved.
+    #[inline(always)]
+    fn place(&self, j: usize) -> Place {
+        if self.chained == 0 {
+            return Place::Alone;
+        }
+        let tree = self.dims.tree;
+        match j.checked_sub(tree.first_chain_node()) {
+            Some(path) if path < self.chained => Place::FirstInChain,
+            Some(path) if path % tree.scenarios() < self.chained => Place::InChain,
+            _ => Place::Alone,
+        }
     }
 
     /// Writes A and B of a stage into F.
@@ -155,8 +197,12 @@ impl Riccati {
     /// from.
     #[inline(always)]
     fn hand_on<V: Simd>(&mut self, zero: V, qp: &Qp, stage: usize, (n, m): (usize, usize)) {
+        if self.read != Some(stage) {
+            self.read_model(qp, stage, (n, m));
+        }
         // A vector that is read soon after its numbers were written one by one has to wait.
-        if let Some(next) = stage.checked_sub(1) {
+        self.read = stage.checked_sub(1);
+        if let Some(next) = self.read {
             self.read_model(qp, next, (n, m));
         }
         let (s, stride) = (n + m, padded(n + m));
@@ -268,13 +314,20 @@ impl Riccati {
         let dims = self.dims;
         let (s, stride) = (n + m, padded(n + m));
         let (by_x, by_u) = g.split_at(dims.all_states());
+        for chains in &mut self.chains {
+            chains.backward(g, c, &mut self.linear);
+        }
         for j in (0..=dims.horizon).rev() {
+            let place = self.place(j);
             let (before, linear) = self.linear.split_at_mut(j * s);
             let linear = &mut linear[..s];
-            if dims.stages_from(j).is_empty() {
+            if place == Place::InChain {
+                continue;
+            }
+            if place == Place::Alone && dims.stages_from(j).is_empty() {
                 linear.fill(0.0);
             }
-            if j < dims.n_controls {
+            if place == Place::Alone && j < dims.n_controls {
                 add_scaled(&mut linear[n..], 1.0, block(by_u, j, m));
                 let gain = block(&self.gain, j, m * stride).chunks_exact(stride);
                 let forward = block_mut(&mut self.forward, j, m);
@@ -286,7 +339,9 @@ impl Riccati {
                 self.pivot[j].backward_sized(forward, m);
             }
             let Some(stage) = j.checked_sub(1) else { break };
-            add_scaled(linear, 1.0, block(by_x, stage, n));
+            if place == Place::Alone {
+                add_scaled(linear, 1.0, block(by_x, stage, n));
+            }
             let sum = &mut self.sum[..s];
             sum.copy_from_slice(linear);
             let p = block(&self.p, j, s * stride).chunks_exact(stride);
@@ -321,6 +376,10 @@ impl Riccati {
         let (s, stride) = (n + m, padded(n + m));
         let (states, inputs) = d.split_at_mut(dims.all_states());
         for j in 0..=dims.horizon {
+            let place = self.place(j);
+            if place == Place::InChain {
+                continue;
+            }
             // s_j = (dx_j, du_{j-1})
             let vector = &mut self.vector[..s];
             if let Some(stage) = j.checked_sub(1) {
@@ -333,6 +392,9 @@ impl Riccati {
                 }
                 add_product(block(&qp.b, stage, n * m), u, x);
                 block_mut(states, stage, n).copy_from_slice(x);
+                if place == Place::FirstInChain {
+                    continue;
+                }
 
                 let lambda = block_mut(lambda, stage, n);
                 lambda.copy_from_slice(&block(&self.linear, j, s)[..n]);
@@ -353,7 +415,20 @@ impl Riccati {
                 }
             }
         }
+        for chains in &mut self.chains {
+            chains.roll_out(c, d, lambda);
+        }
     }
+}
+
+/// Where a node is solved.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Place {
+    /// In the recursion over the nodes.
+    Alone,
+    /// In [`Chains`], whose cost the recursion takes over.
+    FirstInChain,
+    InChain,
 }
 
 /// F of two stages without A and B: (0 0; 0 I), in rows of `stride` numbers.
@@ -442,10 +517,10 @@ fn add_cross(s: Option<&[f64]>, dims: OcpDims, matrix: &mut [f64]) {
 }
 
 /// D by its parts.
-struct RowWeights<'a> {
-    bounds: &'a [f64],
-    increments: &'a [f64],
-    general: &'a [f64],
+pub(super) struct RowWeights<'a> {
+    pub(super) bounds: &'a [f64],
+    pub(super) increments: &'a [f64],
+    pub(super) general: &'a [f64],
 }
 
 impl<'a> RowWeights<'a> {
