@@ -209,7 +209,7 @@ impl<F: SparseFunction, V: Simd> Stepper<V> for Explicit<F, V> {
         let Self { rhs, stages, substeps, memory, zero, small, .. } = &mut *self;
         if let Some(small) = small {
             let (substeps, zero) = (*substeps, *zero);
-            return small.run(Steps { rhs, stages, substeps, memory, zero });
+            return small.run(Steps { rhs, stages, substeps, memory, zero }, columns);
         }
         self.sensitivities.reset(columns, self.zero);
         for number in 0..self.substeps {

@@ -8,16 +8,25 @@ use pinc_ad::simd::{Simd, Work};
 /// States and columns of the sizes that are compiled.
 const SIZES: [[usize; 2]; 7] = [[1, 3], [2, 3], [2, 4], [3, 4], [3, 6], [4, 6], [4, 8]];
 
+/// The most columns of these.
+const WIDEST: usize = 8;
+
+/// The size by which derivatives by so many variables are computed, if there is code for it.
+fn size(states: usize, columns: usize) -> Option<[usize; 2]> {
+    SIZES.into_iter().find(|[n, w]| *n == states && *w >= columns)
+}
+
 /// The numbers of a small plant's step: per place the states, and a row of derivatives for each.
 #[derive(Clone, Debug)]
 pub(super) struct Small<V> {
+    /// The size of the last step.
     size: [usize; 2],
     x: Vec<V>,
     rows: Vec<V>,
     jacobian: Entries,
 }
 
-/// Where the Jacobian has entries, row by row as if it had no zeros.
+/// Where the Jacobian has entries, row by row as if it had no zeros and [`WIDEST`] columns.
 #[derive(Clone, Debug)]
 struct Entries {
     /// Of each place, a bit.
@@ -49,13 +58,12 @@ pub(super) struct Steps<'a, F, V> {
 impl<V: Simd> Small<V> {
     /// For a plant whose right-hand side has this Jacobian, if there is code of its size.
     pub(super) fn new(pattern: &SparsityPattern, zero: V) -> Option<Self> {
-        let (states, variables) = (pattern.rows(), pattern.columns());
-        let size = SIZES.into_iter().find(|[n, w]| *n == states && *w >= variables)?;
-        let [_, width] = size;
-        let (mut present, mut numbers) = (0, vec![0; states * width]);
+        let states = pattern.rows();
+        let size = size(states, pattern.columns())?;
+        let (mut present, mut numbers) = (0, vec![0; states * WIDEST]);
         for i in 0..states {
             for entry in pattern.row(i) {
-                let place = i * width + pattern.places()[entry];
+                let place = i * WIDEST + pattern.places()[entry];
                 present |= 1 << place;
                 numbers[place] = entry;
             }
@@ -63,7 +71,7 @@ impl<V: Simd> Small<V> {
         Some(Self {
             size,
             x: vec![zero; MOST_PLACES * states],
-            rows: vec![zero; MOST_PLACES * states * width],
+            rows: vec![zero; MOST_PLACES * states * WIDEST],
             jacobian: Entries { present, numbers },
         })
     }
@@ -74,10 +82,12 @@ impl<V: Simd> Small<V> {
         self.rows[state * self.size[1] + variable]
     }
 
-    /// Takes the state in the memory through the steps, with its derivatives from the identity on.
+    /// Takes the state in the memory through the steps, with its derivatives by the first `columns`
+    /// variables from the identity on.
     #[inline(always)]
-    pub(super) fn run<F: SparseFunction>(&mut self, steps: Steps<'_, F, V>) {
+    pub(super) fn run<F: SparseFunction>(&mut self, steps: Steps<'_, F, V>, columns: usize) {
         let zero = steps.zero;
+        self.size = size(self.size[0], columns).unwrap_or(self.size);
         match self.size {
             [1, _] => zero.vectorize(Sized::<F, V, 1, 3>(self, steps)),
             [2, 3] => zero.vectorize(Sized::<F, V, 2, 3>(self, steps)),
@@ -139,14 +149,14 @@ fn advance<V: Simd, const N: usize, const W: usize>(
     for i in 0..N {
         let mut slope = [zero; W];
         for (j, row) in rows[input].iter().enumerate() {
-            if let Some(entry) = jacobian.at(i * W + j, memory, entries) {
+            if let Some(entry) = jacobian.at(i * WIDEST + j, memory, entries) {
                 for c in 0..W {
                     slope[c] = row[c].mul_add(entry, slope[c]);
                 }
             }
         }
         for (c, slope) in slope.iter_mut().enumerate().skip(N) {
-            if let Some(entry) = jacobian.at(i * W + c, memory, entries) {
+            if let Some(entry) = jacobian.at(i * WIDEST + c, memory, entries) {
                 *slope = *slope + entry;
             }
         }
