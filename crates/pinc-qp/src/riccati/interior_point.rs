@@ -74,6 +74,12 @@ struct Side {
     compliance: f64,
     /// The residual of the first line.
     off: f64,
+    /// D
+    weight: f64,
+    /// The part of Dmu / D that does not depend on the step.
+    term: f64,
+    /// The wanted change of nu e.
+    outer: f64,
     dt: f64,
     dmu: f64,
     de: f64,
@@ -93,6 +99,9 @@ impl Side {
             e: 0.0,
             compliance,
             off: zero,
+            weight: zero,
+            term: zero,
+            outer: zero,
             dt: zero,
             dmu: zero,
             de: zero,
@@ -112,28 +121,26 @@ impl Side {
         if self.soft() { self.nu() * self.e } else { 0.0 }
     }
 
-    fn weight(&self) -> f64 {
+    /// Computes D.
+    fn weigh(&mut self) {
         let give = if self.soft() { self.e / self.nu() } else { 0.0 };
-        1.0 / (self.t / self.mu + give + self.compliance)
+        self.weight = 1.0 / (self.t / self.mu + give + self.compliance);
     }
 
-    /// The wanted changes of the products mu t and nu e, to reach `tau`; the corrector includes the
+    /// Chooses the changes of the products mu t and nu e, to reach `tau`; the corrector includes the
     /// predictor's effect.
-    fn products(&self, tau: f64, corrector: bool) -> (f64, f64) {
+    fn aim(&mut self, tau: f64, corrector: bool) {
         let second = if corrector { (self.dmu * self.dt, -self.dmu * self.de) } else { (0.0, 0.0) };
-        (tau - self.mu * self.t - second.0, tau - self.nu() * self.e - second.1)
-    }
-
-    /// The part of Dmu / D that does not depend on the step.
-    fn term(&self, (inner, outer): (f64, f64)) -> f64 {
-        let give = if self.soft() { outer / self.nu() } else { 0.0 };
-        self.off + inner / self.mu - give
+        let inner = tau - self.mu * self.t - second.0;
+        self.outer = tau - self.nu() * self.e - second.1;
+        let give = if self.soft() { self.outer / self.nu() } else { 0.0 };
+        self.term = self.off + inner / self.mu - give;
     }
 
     /// The step of t, mu and e, where C d changes by `moved`.
-    fn direct(&mut self, moved: f64, products: (f64, f64)) {
-        self.dmu = self.weight() * (self.sign * moved + self.term(products));
-        self.de = if self.soft() { (products.1 + self.e * self.dmu) / self.nu() } else { 0.0 };
+    fn direct(&mut self, moved: f64) {
+        self.dmu = self.weight * (self.sign * moved + self.term);
+        self.de = if self.soft() { (self.outer + self.e * self.dmu) / self.nu() } else { 0.0 };
         self.dt = -self.off - self.sign * moved + self.de + self.compliance * self.dmu;
     }
 
@@ -336,8 +343,9 @@ impl InteriorPoint {
     /// ```
     fn iterate(&mut self, qp: &Qp, at: &mut Newton, expired: &mut dyn FnMut() -> bool) -> bool {
         at.weights.fill(0.0);
-        for side in &self.sides {
-            at.weights[side.row] += side.weight();
+        for side in &mut self.sides {
+            side.weigh();
+            at.weights[side.row] += side.weight;
         }
         for &(row, _) in &self.equalities {
             at.weights[row] = self.stiffness;
@@ -378,17 +386,16 @@ impl InteriorPoint {
     /// The direction in which the products come to `tau`.
     fn direct(&mut self, qp: &Qp, at: &mut Newton, tau: f64, corrector: bool) {
         at.terms.fill(0.0);
-        for side in &self.sides {
-            let products = side.products(tau, corrector);
-            at.terms[side.row] += side.sign * side.weight() * side.term(products);
+        for side in &mut self.sides {
+            side.aim(tau, corrector);
+            at.terms[side.row] += side.sign * side.weight * side.term;
         }
         for &(row, bound) in &self.equalities {
             at.terms[row] = self.stiffness * (at.values[row] - bound);
         }
         at.solve(qp);
         for side in &mut self.sides {
-            let products = side.products(tau, corrector);
-            side.direct(at.moved[side.row], products);
+            side.direct(at.moved[side.row]);
         }
     }
 
