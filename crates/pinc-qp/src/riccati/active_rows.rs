@@ -71,9 +71,15 @@ pub(super) enum RowStatus {
 /// mu <- mu + D (C d - bound), with so large a D that a few steps suffice.
 #[derive(Clone, Debug)]
 pub(super) struct ActiveRows {
+    rows: Rows,
     statuses: Vec<RowStatus>,
-    /// The rows that are held now, with their bounds: few of all.
+    /// The rows that are not inactive, in ascending order: few of all.
+    active: Vec<usize>,
+    /// Those that are held, with their bounds.
     held: Vec<(usize, f64)>,
+    /// The rows that become active, and the multipliers of those that are.
+    added: Vec<(usize, RowStatus)>,
+    kept: Vec<f64>,
     stiffness: f64,
     /// For programs whose Hessian stays.
     constant_stiffness: f64,
@@ -88,9 +94,14 @@ pub(super) struct ActiveRows {
 
 impl ActiveRows {
     pub(super) fn new(qp: &Qp) -> Self {
+        let rows = Rows::new(qp.dims);
         Self {
-            statuses: vec![RowStatus::Inactive; Rows::new(qp.dims).len()],
-            held: Vec::with_capacity(Rows::new(qp.dims).len()),
+            rows,
+            statuses: vec![RowStatus::Inactive; rows.len()],
+            active: Vec::with_capacity(rows.len()),
+            held: Vec::with_capacity(rows.len()),
+            added: Vec::with_capacity(rows.len()),
+            kept: Vec::with_capacity(rows.len()),
             stiffness: stiffness(qp),
             constant_stiffness: stiffness(qp),
             work: QpWork::default(),
@@ -99,26 +110,30 @@ impl ActiveRows {
         }
     }
 
-    /// Takes rows with a multiplier for active; `weight(row)` is the multiplier. Small ones of rows
-    /// away from their limits do not count.
-    pub(super) fn guess(&mut self, qp: &Qp, weight: impl Fn(usize) -> f64) {
-        for (row, (status, [low, high, penalty])) in
-            self.statuses.iter_mut().zip(Rows::limits(qp)).enumerate()
-        {
-            let mu = weight(row);
+    /// Takes rows with a multiplier in `list` for active. Small ones of rows away from their limits do
+    /// not count.
+    pub(super) fn guess(&mut self, qp: &Qp, list: &[f64]) {
+        let Self { rows, statuses, active, .. } = self;
+        active.iter().for_each(|&row| statuses[row] = RowStatus::Inactive);
+        active.clear();
+        let counts = |low: f64, high: f64, mu: f64| (mu != 0.0) | (low >= high);
+        rows.find(qp, list, counts, |row, [low, high, mu]| {
+            let penalty = rows.limits_of(qp, row)[2];
             let upper = mu > 0.0;
             let bound = if upper { high } else { low };
             let room = bound.abs().min(SMALL_MULTIPLIER);
-            *status = if low >= high && penalty.is_infinite() {
+            let status = if low >= high && penalty.is_infinite() {
                 RowStatus::Held { bound: high, upper: true }
             } else if mu.abs() <= room || !bound.is_finite() {
-                RowStatus::Inactive
+                return;
             } else if mu.abs() >= penalty {
                 RowStatus::Violated(penalty.copysign(mu))
             } else {
                 RowStatus::Held { bound, upper }
             };
-        }
+            statuses[row] = status;
+            active.push(row);
+        });
     }
 
     /// Solves `qp` from the guess and the point `at` as long as there is `patience`; whether that
@@ -175,21 +190,24 @@ impl ActiveRows {
     /// them whose multiplier comes to 0 first, if there is one.
     fn release(&mut self, qp: &Qp, at: &Newton) -> bool {
         let mut first = None;
-        let changes = at.moved.iter().zip(&at.terms).map(|(m, t)| self.stiffness * m + t);
-        let rows = self.statuses.iter_mut().zip(Rows::limits(qp));
-        for (((status, [low, high, _]), mu), change) in rows.zip(&at.mu).zip(changes) {
-            if let RowStatus::Held { upper, .. } = *status
+        for &row in &self.active {
+            let [low, high, _] = self.rows.limits_of(qp, row);
+            if let RowStatus::Held { upper, .. } = self.statuses[row]
                 && low < high
             {
                 let sign = if upper { 1.0 } else { -1.0 };
-                let time = sign * mu / -(sign * change);
-                if sign * change < 0.0 && first.as_ref().is_none_or(|(least, _)| time < *least) {
-                    first = Some((time, status));
+                let change = self.stiffness * at.moved[row] + at.terms[row];
+                let time = sign * at.mu[row] / -(sign * change);
+                if sign * change < 0.0 && first.is_none_or(|(least, _)| time < least) {
+                    first = Some((time, row));
                 }
             }
         }
-        self.work.changes += usize::from(first.is_some());
-        first.map(|(_, status)| *status = RowStatus::Inactive).is_some()
+        let Some((_, row)) = first else { return false };
+        self.work.changes += 1;
+        self.statuses[row] = RowStatus::Inactive;
+        self.active.retain(|other| *other != row);
+        true
     }
 
     /// Finds the point at which the held rows are met; whether there is one, or `None` if that
@@ -201,16 +219,20 @@ impl ActiveRows {
         expired: &mut dyn FnMut() -> bool,
     ) -> Option<bool> {
         self.held.clear();
+        self.kept.clear();
+        self.kept.extend(self.active.iter().map(|&row| at.mu[row]));
         at.weights.fill(0.0);
         at.terms.fill(0.0);
-        for (row, (status, mu)) in self.statuses.iter().zip(&mut at.mu).enumerate() {
-            match *status {
-                RowStatus::Inactive => *mu = 0.0,
+        at.mu.fill(0.0);
+        for (&row, &mu) in self.active.iter().zip(&self.kept) {
+            match self.statuses[row] {
+                RowStatus::Inactive => {}
                 RowStatus::Held { bound, .. } => {
                     at.weights[row] = self.stiffness;
+                    at.mu[row] = mu;
                     self.held.push((row, bound));
                 }
-                RowStatus::Violated(penalty) => *mu = penalty,
+                RowStatus::Violated(penalty) => at.mu[row] = penalty,
             }
         }
         self.work.factorizations += 1;
@@ -256,35 +278,42 @@ impl ActiveRows {
 
     /// Whether the point contradicts a status by far: by more than another step would change it.
     fn is_contradicted(&self, qp: &Qp, at: &Newton) -> bool {
-        let points = at.values.iter().zip(&at.mu);
-        let mut rows = self.statuses.iter().zip(Rows::limits(qp)).zip(points);
-        rows.any(|((status, [low, high, _]), (&value, &mu))| match *status {
-            RowStatus::Inactive => {
-                value > high + FAR * (1.0 + high.abs()) || value < low - FAR * (1.0 + low.abs())
-            }
+        let pulls = self.active.iter().any(|&row| match self.statuses[row] {
             RowStatus::Held { upper, .. } => {
+                let ([low, high, _], mu) = (self.rows.limits_of(qp, row), at.mu[row]);
                 let pull = if upper { mu } else { -mu };
                 pull < -FAR * (1.0 + mu.abs()) && low < high
             }
-            RowStatus::Violated(_) => false,
-        })
+            RowStatus::Inactive | RowStatus::Violated(_) => false,
+        });
+        let mut any = pulls;
+        self.rows.find(qp, &at.values, is_outside, |row, [low, high, value]| {
+            any |= self.statuses[row] == RowStatus::Inactive
+                && (value > high + FAR * (1.0 + high.abs())
+                    || value < low - FAR * (1.0 + low.abs()));
+        });
+        any
     }
 
     /// Changes the statuses that the point contradicts, and counts them.
     fn reconsider(&mut self, qp: &Qp, at: &Newton) -> usize {
-        let before = self.work.changes;
-        let points = at.values.iter().zip(&at.mu);
-        let rows = self.statuses.iter_mut().zip(Rows::limits(qp)).zip(points);
-        for ((status, [low, high, penalty]), (&value, &mu)) in rows {
-            let slack = |bound: f64| 10.0 * TOLERANCE * (1.0 + bound.abs());
-            let next = match *status {
-                RowStatus::Inactive if value > high + slack(high) => {
-                    RowStatus::Held { bound: high, upper: true }
-                }
-                RowStatus::Inactive if value < low - slack(low) => {
-                    RowStatus::Held { bound: low, upper: false }
-                }
+        let Self { rows, statuses, active, added, .. } = self;
+        let slack = |bound: f64| 10.0 * TOLERANCE * (1.0 + bound.abs());
+        added.clear();
+        rows.find(qp, &at.values, is_outside, |row, [low, high, value]| {
+            if statuses[row] != RowStatus::Inactive {
+            } else if value > high + slack(high) {
+                added.push((row, RowStatus::Held { bound: high, upper: true }));
+            } else if value < low - slack(low) {
+                added.push((row, RowStatus::Held { bound: low, upper: false }));
+            }
+        });
+        let mut changes = added.len();
+        active.retain(|&row| {
+            let ([low, high, penalty], value) = (rows.limits_of(qp, row), at.values[row]);
+            let next = match statuses[row] {
                 RowStatus::Held { upper, .. } => {
+                    let mu = at.mu[row];
                     let pull = if upper { mu } else { -mu };
                     let rounding = TOLERANCE * (1.0 + mu.abs());
                     if pull < -rounding && low < high {
@@ -292,7 +321,7 @@ impl ActiveRows {
                     } else if mu.abs() > penalty {
                         RowStatus::Violated(penalty.copysign(mu))
                     } else {
-                        *status
+                        statuses[row]
                     }
                 }
                 RowStatus::Violated(penalty) if penalty > 0.0 && value < high - slack(high) => {
@@ -303,11 +332,23 @@ impl ActiveRows {
                 }
                 unchanged => unchanged,
             };
-            self.work.changes += usize::from(next != *status);
-            *status = next;
+            changes += usize::from(next != statuses[row]);
+            statuses[row] = next;
+            next != RowStatus::Inactive
+        });
+        for &(row, status) in &*added {
+            statuses[row] = status;
+            active.push(row);
         }
-        self.work.changes - before
+        active.sort_unstable();
+        self.work.changes += changes;
+        changes
     }
+}
+
+/// Whether a value is beyond a limit.
+fn is_outside(low: f64, high: f64, value: f64) -> bool {
+    (value > high) | (value < low)
 }
 
 #[cfg(test)]
@@ -348,7 +389,7 @@ mod tests {
     ) -> Option<(f64, [RowStatus; 2], [usize; 2])> {
         let (mut rows, mut at) = (ActiveRows::new(qp), Newton::new(qp.dims));
         at.start(&QpStep::new(qp.dims));
-        rows.guess(qp, |row| multipliers[row]);
+        rows.guess(qp, &multipliers);
         let found = rows.solve(qp, &mut at, patience, &mut || false);
         let work = [rows.work.factorizations, rows.work.changes];
         found.then(|| (at.d[1], [rows.statuses[0], rows.statuses[1]], work))
@@ -419,11 +460,12 @@ mod tests {
         ] {
             let mut rows = ActiveRows::new(&qp);
             rows.statuses.copy_from_slice(&statuses);
+            rows.active = vec![0, 1, 2];
             let mut list = mu;
             rows.note(&qp, &mut list);
             assert_eq!(list.to_vec(), noted.to_vec());
             rows.statuses.fill(HELD);
-            rows.guess(&qp, |row| list[row]);
+            rows.guess(&qp, &list);
             assert_eq!(rows.statuses, statuses);
         }
     }

@@ -72,8 +72,7 @@ impl RiccatiQp {
 
     /// Solves from the guess and the point that there are.
     fn resolve(&mut self, qp: &Qp, patience: Patience, expired: &mut dyn FnMut() -> bool) -> bool {
-        let guess = &self.guess;
-        self.active.guess(qp, |row| guess[row]);
+        self.active.guess(qp, &self.guess);
         self.active.solve(qp, &mut self.newton, patience, expired)
     }
 }

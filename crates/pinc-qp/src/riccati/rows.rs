@@ -5,6 +5,9 @@ use crate::OcpDims;
 use crate::algebra::{add_scaled, block, block_mut, dot};
 use crate::{Kind, Qp, Row, RowBlock};
 
+/// How many rows are looked at together.
+const CHUNK: usize = 16;
+
 /// The values C d of all rows that may have limits: the unknowns, the increments of the inputs, and
 /// the general rows, one after the other.
 #[derive(Clone, Copy, Debug)]
@@ -101,6 +104,45 @@ impl Rows {
                 }
             }
         }
+    }
+
+    /// Tells `found` of the rows, in their order, of which `is` holds: of low, high and the number in
+    /// `list`. It should hold nearly nowhere, which is seen in vectors.
+    #[inline(always)]
+    pub(super) fn find(
+        self,
+        qp: &Qp,
+        list: &[f64],
+        is: impl Fn(f64, f64, f64) -> bool,
+        mut found: impl FnMut(usize, [f64; 3]),
+    ) {
+        let (bounds, increments, general) = self.split(list);
+        let mut row = 0;
+        for ((_, limits), list) in qp.limits().into_iter().zip([bounds, increments, general]) {
+            let all = limits.low.chunks(CHUNK).zip(limits.high.chunks(CHUNK));
+            for ((low, high), list) in all.zip(list.chunks(CHUNK)) {
+                let each = low.iter().zip(high).zip(list);
+                if each.fold(false, |any, ((&low, &high), &value)| any | is(low, high, value)) {
+                    for (i, ((&low, &high), &value)) in low.iter().zip(high).zip(list).enumerate() {
+                        if is(low, high, value) {
+                            found(row + i, [low, high, value]);
+                        }
+                    }
+                }
+                row += list.len();
+            }
+        }
+    }
+
+    /// The limits of a row, `[low, high, penalty]`.
+    pub(super) fn limits_of(self, qp: &Qp, row: usize) -> [f64; 3] {
+        let Row { kind, index, .. } = self.row(row, true);
+        let limits = match kind {
+            Kind::Bound => &qp.bounds,
+            Kind::Increment => &qp.increments,
+            Kind::Row => &qp.rows,
+        };
+        [limits.low[index], limits.high[index], limits.penalty[index]]
     }
 
     /// The limits of all rows, `[low, high, penalty]`.
