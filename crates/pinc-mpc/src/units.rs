@@ -32,7 +32,8 @@ pub(crate) struct Units {
     cost: f64,
     /// The largest slope of a cost without weights, by states and inputs in their units, once known.
     slope: Option<f64>,
-    /// Whether all are 1.
+    /// Whether those of states, inputs and rows are 1, and whether that of the cost is 1 too.
+    plain: bool,
     identity: bool,
     /// Which states are tracked, by their place in the reference.
     tracked: Vec<Option<usize>>,
@@ -77,6 +78,7 @@ impl Units {
             rows,
             cost: 1.0,
             slope: None,
+            plain: false,
             identity: false,
             tracked: (0..dims.nx).map(place).collect(),
             outputs: problem.tracked.len(),
@@ -95,6 +97,11 @@ impl Units {
             outputs: self.rows[self.dims.general()..].to_vec(),
             cost: self.cost,
         }
+    }
+
+    /// Whether the units of states, inputs and rows are 1.
+    pub(crate) fn are_plain(&self) -> bool {
+        self.plain
     }
 
     /// Whether all units are 1.
@@ -117,8 +124,9 @@ impl Units {
         }
         let size = if most > 0.0 { (least * most).sqrt() } else { self.slope.unwrap_or(1.0) };
         self.cost = unit(size, ORDINARY_WEIGHT);
-        let mut all = self.x.iter().chain(&self.u).chain(&self.rows).chain([&self.cost]);
-        self.identity = all.all(|unit| unit.to_bits() == 1.0_f64.to_bits());
+        let is_one = |unit: &f64| unit.to_bits() == 1.0_f64.to_bits();
+        self.plain = self.x.iter().chain(&self.u).chain(&self.rows).all(is_one);
+        self.identity = self.plain && is_one(&self.cost);
     }
 
     /// Whether the slope of the cost is still to be measured.
@@ -221,20 +229,16 @@ impl Units {
     /// Scales limits, gradient and what changes of the Hessian in `qp`; gives the cost.
     #[inline(never)]
     pub(crate) fn scale_cost(&self, qp: &mut Qp, cost: f64) -> f64 {
-        let states = self.dims.all_states();
-        for side in [&mut qp.bounds.low, &mut qp.bounds.high] {
-            let (x, u) = side.split_at_mut(states);
-            divide_blocks(x, &self.x);
-            divide_blocks(u, &self.u);
-        }
-        let (by_x, by_u) = qp.gradient.split_at_mut(states);
-        for (gradient, units) in [(by_x, &self.x), (by_u, &self.u)] {
-            for block in gradient.chunks_exact_mut(units.len()) {
-                block.iter_mut().zip(units).for_each(|(g, unit)| *g *= unit / self.cost);
+        let per_cost = 1.0 / self.cost;
+        qp.gradient.iter_mut().for_each(|g| *g *= per_cost);
+        if !self.plain {
+            self.scale_limits(qp);
+            let (by_x, by_u) = qp.gradient.split_at_mut(self.dims.all_states());
+            for (gradient, units) in [(by_x, &self.x), (by_u, &self.u)] {
+                for block in gradient.chunks_exact_mut(units.len()) {
+                    block.iter_mut().zip(units).for_each(|(g, unit)| *g *= unit);
+                }
             }
-        }
-        for side in [&mut qp.increments.low, &mut qp.increments.high] {
-            divide_blocks(side, &self.u);
         }
         if qp.has_stage_cost() {
             self.scale_weights(&mut qp.q, &self.x, &self.x);
@@ -243,6 +247,18 @@ impl Units {
             self.scale_weights(&mut qp.t, &self.u, &self.u);
         }
         cost / self.cost
+    }
+
+    /// Scales the limits of unknowns and increments in `qp`.
+    fn scale_limits(&self, qp: &mut Qp) {
+        for side in [&mut qp.bounds.low, &mut qp.bounds.high] {
+            let (x, u) = side.split_at_mut(self.dims.all_states());
+            divide_blocks(x, &self.x);
+            divide_blocks(u, &self.u);
+        }
+        for side in [&mut qp.increments.low, &mut qp.increments.high] {
+            divide_blocks(side, &self.u);
+        }
     }
 
     /// Scales the constant parts: the Hessian and the penalties.

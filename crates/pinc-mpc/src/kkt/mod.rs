@@ -9,6 +9,9 @@ use pinc_qp::{Limits, Multipliers, Qp, largest};
 /// Above this mean multiplier the residuals that are proportional to the cost are scaled down.
 const LARGE_MULTIPLIER: f64 = 100.0;
 
+/// How many rows are looked at together.
+const CHUNK: usize = 16;
+
 /// The residuals of the conditions of Karush, Kuhn and Tucker, of the nonlinear problem itself (see
 /// [`Solution`] for its Lagrangian L): largest absolute values, in the problem's units where its
 /// quantities are of ordinary size (1/16 to 1024). Other quantities, as their bounds or
@@ -78,32 +81,51 @@ struct Worst {
 }
 
 impl Worst {
-    /// Takes the rows of one kind into account; their values are 0, seen from the limits.
+    /// Takes the rows of one kind into account; their values are 0, seen from the limits. Rows within
+    /// their limits and without a multiplier, nearly all, are passed over in vectors.
     fn see(&mut self, limits: &Limits, multipliers: &[f64]) {
-        for ([low, high, penalty], &mu) in limits.iter().zip(multipliers) {
-            let outside = more(0.0, more(low, -high));
-            let room = more(0.0, if mu > 0.0 { high } else { -low });
-            // No 0 times infinity, where there is no limit.
-            let product = if mu.abs() > 0.0 { mu.abs() * room } else { 0.0 };
-            self.product = worse(self.product, product);
-            if penalty.is_finite() {
-                self.product = worse(self.product, outside * more(0.0, penalty - mu.abs()));
-                self.stationarity = worse(self.stationarity, mu.abs() - penalty);
-            } else {
-                self.violation = worse(self.violation, outside);
+        let Limits { low, high, penalty } = limits;
+        let sides = low.chunks(CHUNK).zip(high.chunks(CHUNK));
+        let rows = sides.zip(multipliers.chunks(CHUNK)).zip(penalty.chunks(CHUNK));
+        for (((low, high), multipliers), penalty) in rows {
+            let each = low.iter().zip(high).zip(multipliers);
+            if !each.fold(true, |all, ((&low, &high), &mu)| {
+                all & (low <= 0.0) & (high >= 0.0) & (mu == 0.0)
+            }) {
+                let each = low.iter().zip(high).zip(multipliers.iter().zip(penalty));
+                each.for_each(|((&low, &high), (&mu, &penalty))| {
+                    self.take([low, high, penalty], mu)
+                });
             }
+        }
+    }
+
+    fn take(&mut self, [low, high, penalty]: [f64; 3], mu: f64) {
+        let outside = more(0.0, more(low, -high));
+        let room = more(0.0, if mu > 0.0 { high } else { -low });
+        // No 0 times infinity, where there is no limit.
+        let product = if mu.abs() > 0.0 { mu.abs() * room } else { 0.0 };
+        self.product = worse(self.product, product);
+        if penalty.is_finite() {
+            self.product = worse(self.product, outside * more(0.0, penalty - mu.abs()));
+            self.stationarity = worse(self.stationarity, mu.abs() - penalty);
+        } else {
+            self.violation = worse(self.violation, outside);
         }
     }
 }
 
 fn scale(multipliers: &Multipliers) -> f64 {
-    let (mut sum, mut count) = (0.0, 0);
+    // Sums side by side, which need not wait for each other.
+    let (mut sums, mut count) = ([0.0; 8], 0);
     for part in multipliers.parts() {
-        sum += part.iter().map(|multiplier| multiplier.abs()).sum::<f64>();
+        for chunk in part.chunks(sums.len()) {
+            sums.iter_mut().zip(chunk).for_each(|(sum, multiplier)| *sum += multiplier.abs());
+        }
         count += part.len();
     }
     #[expect(clippy::cast_precision_loss, reason = "far below 2^53 multipliers")]
-    let mean = sum / count as f64;
+    let mean = sums.iter().sum::<f64>() / count as f64;
     (mean / LARGE_MULTIPLIER).max(1.0)
 }
 

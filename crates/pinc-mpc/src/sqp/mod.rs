@@ -532,7 +532,7 @@ impl Sqp {
         for ((z, base), d) in plan.z.iter_mut().zip(&self.base.z).zip(&self.step.d) {
             *z = base + length * d;
         }
-        if !self.transcription.units.is_identity() {
+        if !self.transcription.units.are_plain() {
             self.move_in_units(plan, length);
         }
         // Beyond the program's own there is no estimate of the multipliers where curvature was dropped.

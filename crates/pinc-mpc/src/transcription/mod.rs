@@ -338,7 +338,7 @@ impl Transcription {
         if !self.linearize_plain(horizon, [x0, z], qp, expired) {
             return false;
         }
-        if !self.units.is_identity() {
+        if !self.units.are_plain() {
             self.units.scale_constraints(qp);
         }
         true
