@@ -164,6 +164,16 @@ impl OcpDims {
         i.checked_sub(1).map(|stage| self.origin(stage))
     }
 
+    /// The inputs of nodes that a branching leads to, each with the input before it; and where among
+    /// all inputs' numbers those are that come before the others, one by one.
+    #[inline]
+    pub(crate) fn inputs_before(self) -> (impl Iterator<Item = (usize, usize)>, Range<usize>) {
+        let first = self.tree.first_chain_node();
+        let (later, last) = (first + self.tree.scenarios(), self.n_controls);
+        let branching = (1..later.min(last)).map(move |i| (i, self.origin(i - 1)));
+        (branching, first * self.nu..(first + last.saturating_sub(later)) * self.nu)
+    }
+
     /// The place among all inputs' numbers of the number before number `v`.
     #[must_use]
     #[inline]

@@ -40,16 +40,13 @@ impl Rows {
         bounds.copy_from_slice(d);
         let inputs = &d[dims.all_states()..];
         increments.copy_from_slice(inputs);
-        if dims.tree.is_chain() {
-            for (increment, before) in increments[m..].iter_mut().zip(inputs) {
-                *increment -= before;
-            }
-        } else {
-            for (i, increment) in increments.chunks_exact_mut(m).enumerate().skip(1) {
-                if let Some(before) = dims.input_before(i) {
-                    add_scaled(increment, -1.0, block(inputs, before, m));
-                }
-            }
+        let (branching, before) = dims.inputs_before();
+        for (i, before) in branching {
+            add_scaled(block_mut(increments, i, m), -1.0, block(inputs, before, m));
+        }
+        let later = increments.len() - before.len();
+        for (increment, before) in increments[later..].iter_mut().zip(&inputs[before]) {
+            *increment -= before;
         }
         for j in dims.stages_with_rows() {
             for RowBlock { rows, state, input } in dims.row_blocks(j) {
@@ -80,16 +77,13 @@ impl Rows {
         for (sum, factor) in inputs.iter_mut().zip(increments) {
             *sum += factor;
         }
-        if dims.tree.is_chain() {
-            for (sum, factor) in inputs.iter_mut().zip(&increments[m..]) {
-                *sum -= factor;
-            }
-        } else {
-            for (i, increment) in increments.chunks_exact(m).enumerate().skip(1) {
-                if let Some(before) = dims.input_before(i) {
-                    add_scaled(block_mut(inputs, before, m), -1.0, increment);
-                }
-            }
+        let (branching, before) = dims.inputs_before();
+        for (i, before) in branching {
+            add_scaled(block_mut(inputs, before, m), -1.0, block(increments, i, m));
+        }
+        let later = increments.len() - before.len();
+        for (sum, factor) in inputs[before].iter_mut().zip(&increments[later..]) {
+            *sum -= factor;
         }
         for j in dims.stages_with_rows() {
             for RowBlock { rows, state, input } in dims.row_blocks(j) {
