@@ -15,6 +15,9 @@ use pinc_qp::{Convexifier, Convexity, OcpDims, Qp, all_finite};
 /// precision.
 const STEP: f64 = 6e-6;
 
+/// A variable whose size only the plan shows is at least this large.
+pub const LEAST_SIZE: f64 = 1e-9;
+
 /// The second derivatives of the Lagrangian, stage by stage and node by node, of what depends on one
 /// state and one input:
 ///
@@ -35,6 +38,8 @@ pub(crate) struct Curvature {
     u: Vec<f64>,
     /// p at each, `[points, np]`.
     p: Vec<f64>,
+    /// The sizes of (x, u).
+    sizes: Vec<f64>,
     /// How far the points are apart.
     steps: Vec<f64>,
     /// The gradients at the points, `[points, n]` and `[points, m]`.
@@ -72,6 +77,8 @@ pub(crate) struct At<'a> {
 pub(crate) enum Purpose {
     /// A program, whose active rows are likely the plan's if they are `settled`.
     Step { settled: bool, convexity: Convexity },
+    /// A step of the barrier method, which makes the program convex itself.
+    Barrier,
     /// To see whether the plan is a minimum.
     Judgement,
 }
@@ -101,6 +108,7 @@ impl Curvature {
             x: zeros(dims.nx),
             u: zeros(dims.nu),
             p: zeros(model.np),
+            sizes: vec![0.0; s],
             steps: vec![0.0; s],
             by_x: zeros(dims.nx),
             by_u: zeros(dims.nu),
@@ -135,6 +143,7 @@ impl Curvature {
         expired: &mut dyn FnMut() -> bool,
     ) -> Option<bool> {
         let dims = self.dims;
+        self.measure(&of.units, at);
         for stage in 0..dims.horizon {
             if expired() {
                 return None;
@@ -166,6 +175,7 @@ impl Curvature {
             Purpose::Step { settled, convexity } => {
                 self.convexifier.apply(qp, settled.then_some(multipliers), convexity)
             }
+            Purpose::Barrier => false,
             Purpose::Judgement => self.convexifier.finds_descent(qp, multipliers),
         })
     }
@@ -196,6 +206,17 @@ impl Curvature {
         }
     }
 
+    /// Writes the sizes of (x, u).
+    fn measure(&mut self, units: &Units, at: At<'_>) {
+        let (dims, z) = (self.dims, &at.plan.z);
+        for (i, size) in self.sizes.iter_mut().enumerate() {
+            *size = units.of_stage(i);
+            if units.has_unknown_size(i) {
+                *size = largest_on_plan(dims, [at.x0, z], i).clamp(LEAST_SIZE, *size);
+            }
+        }
+    }
+
     /// Writes the points of a place, and 0 for their gradients.
     fn spread(&mut self, of: &Transcription, at: At<'_>, place: Place) {
         let (dims, s) = (self.dims, self.steps.len());
@@ -208,7 +229,7 @@ impl Curvature {
         self.u.chunks_exact_mut(m).for_each(|point| point.copy_from_slice(u));
         for i in 0..s {
             let here = if i < n { x[i] } else { u[i - n] };
-            let step = STEP * here.abs().max(of.units.of_stage(i));
+            let step = STEP * here.abs().max(self.sizes[i]);
             self.steps[i] = step;
             for (point, moved) in [(2 * i + 1, here + step), (2 * i + 2, here - step)] {
                 match i.checked_sub(n) {
@@ -375,6 +396,18 @@ impl Curvature {
             }
         }
     }
+}
+
+/// The largest value of a number of a stage's (x, u), over a plan from `x0`.
+#[must_use]
+pub fn largest_on_plan(dims: OcpDims, [x0, z]: [&[f64]; 2], i: usize) -> f64 {
+    let (states, inputs) = z.split_at(dims.all_states());
+    let (first, values, place, width) = match i.checked_sub(dims.nx) {
+        None => (x0[i], states, i, dims.nx),
+        Some(input) => (0.0, inputs, input, dims.nu),
+    };
+    let values = values.iter().skip(place).step_by(width);
+    values.fold(first.abs(), |most, value| most.max(value.abs()))
 }
 
 /// Adds the rows of a Jacobian with their weights.

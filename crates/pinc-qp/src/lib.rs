@@ -50,6 +50,7 @@ pub use choice::{ChosenQp, QpError, QpMethod};
 pub use convexify::{Convexifier, Convexity};
 pub use multipliers::Multipliers;
 pub use ocp_dims::{OcpDims, RowBlock};
+pub use riccati::Barrier;
 pub use tree::Tree;
 pub use work::QpWork;
 

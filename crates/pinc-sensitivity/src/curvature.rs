@@ -1,7 +1,9 @@
 //! Second derivatives of what a control problem is made of: differences of exact first derivatives.
 
 use crate::sensitivity::Plan;
-use pinc_mpc::{IntervalEnd, NmpcProblem, Program, QuadBlock, Tracked};
+use pinc_mpc::{
+    IntervalEnd, LEAST_SIZE, NmpcProblem, Program, QuadBlock, Tracked, largest_on_plan,
+};
 use pinc_ode::{Dims, Gradients, LinearizationBuffer, OutputLinearization, Stages};
 use pinc_qp::{OcpDims, Qp};
 
@@ -9,8 +11,9 @@ use pinc_qp::{OcpDims, Qp};
 /// 1e-8 of a second derivative, and rounding adds 1e-11.
 const STEP: f64 = 1e-4;
 
-/// The size of a state or an input is at least this part of its bound.
-const LEAST_SIZE: f64 = 0.1;
+/// The size of a state or an input is at least this part of its bound; of one without a bound, of 1 or of
+/// the largest value on the plan, whichever is less.
+const LEAST_PART: f64 = 0.1;
 
 /// The golden section, whose multiples spread evenly over the parts of 1.
 const GOLDEN: f64 = 0.618_033_988_749_895;
@@ -65,6 +68,8 @@ pub(crate) struct Curvature {
     model: Dims,
     families: Vec<Family>,
     p: Vec<f64>,
+    /// The sizes of x and u by their bounds, 0 without.
+    bounds: [Vec<f64>; 2],
     /// The least sizes of x and u.
     sizes: [Vec<f64>; 2],
     /// The second derivatives of the Lagrangian in `u_0` and `x_0`, `[m, n]`.
@@ -85,18 +90,16 @@ struct Evaluator<'a, 'p> {
 
 impl Curvature {
     pub(crate) fn new(problem: &NmpcProblem, dims: OcpDims, model: Dims) -> Self {
-        let bounds = problem.state_bounds.sizes(dims.nx);
-        let states = problem.state_sizes.clone().unwrap_or(bounds);
-        let sizes = [states, problem.input_bounds.sizes(dims.nu)].map(|sizes| {
-            let least = |size: f64| LEAST_SIZE * if size > 0.0 { size } else { 1.0 };
-            sizes.into_iter().map(least).collect()
-        });
+        let states = || problem.state_bounds.sizes(dims.nx);
+        let states = problem.state_sizes.clone().unwrap_or_else(states);
+        let bounds = [states, problem.input_bounds.sizes(dims.nu)];
         Self {
             dims,
             model,
             families: Vec::new(),
             p: Vec::new(),
-            sizes,
+            sizes: bounds.clone(),
+            bounds,
             by_start: vec![0.0; dims.nx * dims.nu],
         }
     }
@@ -110,15 +113,23 @@ impl Curvature {
     ) {
         self.p.clear();
         self.p.extend_from_slice(p);
+        self.measure(plan);
         self.families = families(self.dims, self.model, program, plan);
         self.by_start.fill(0.0);
         let mut evaluator = Evaluator::new(program, self.dims, self.model);
         for family in &self.families {
             let blocks = self.hessians(family, &mut evaluator);
-            self.by_start
-                .iter_mut()
-                .zip(add_blocks(self.dims, family, &blocks, qp))
-                .for_each(|(sum, by_start)| *sum += by_start);
+            let by_start = add_blocks(self.dims, family, &blocks, qp);
+            self.by_start.iter_mut().zip(by_start).for_each(|(sum, part)| *sum += part);
+        }
+    }
+
+    /// Writes the least sizes.
+    fn measure(&mut self, plan: &Plan<'_>) {
+        let known = self.bounds.iter().flatten();
+        for (i, (size, &bound)) in self.sizes.iter_mut().flatten().zip(known).enumerate() {
+            let values = || largest_on_plan(self.dims, [plan.x0, plan.z], i).clamp(LEAST_SIZE, 1.0);
+            *size = LEAST_PART * if bound > 0.0 { bound } else { values() };
         }
     }
 

@@ -32,7 +32,7 @@ impl Nmpc {
         memory.step(&mut self.steps);
         self.phase.remember(memory);
         self.plan_state.remember(memory);
-        self.sqp.forget();
+        self.sqp.remember(memory);
         self.sqp.set_parameters(&self.parameters);
     }
 }

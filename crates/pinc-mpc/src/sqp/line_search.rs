@@ -18,6 +18,50 @@ const BROKEN: f64 = 0.1;
 const DOUBLINGS: usize = 10;
 
 impl Sqp {
+    /// Sets the plan `length` of the step away from the base, and linearizes there, unless
+    /// `expired` says before that the time is up.
+    pub(super) fn evaluate_trial(
+        &mut self,
+        model: &mut Horizon,
+        input: StepInput<'_>,
+        plan: &mut Solution,
+        length: f64,
+        expired: &mut dyn FnMut() -> bool,
+    ) -> Option<Point> {
+        self.set_trial(plan, length, input.targets.previous);
+        self.try_point(model, input, plan, expired)
+    }
+
+    pub(super) fn set_trial(&self, plan: &mut Solution, length: f64, previous: &[f64]) {
+        for ((z, base), d) in plan.z.iter_mut().zip(&self.base.z).zip(&self.step.d) {
+            *z = base + length * d;
+        }
+        if !self.transcription.units.are_plain() {
+            self.move_in_units(plan, length);
+        }
+        // Beyond the program's own there is no estimate of the multipliers where curvature was dropped.
+        let length = if self.dropped { length.min(1.0) } else { length };
+        let parts = plan.multipliers.parts_mut().into_iter();
+        let ends = self.base.multipliers.parts().into_iter().zip(self.step.multipliers.parts());
+        for (part, (from, to)) in parts.zip(ends) {
+            for ((multiplier, from), to) in part.iter_mut().zip(from).zip(to) {
+                *multiplier = from + length * (to - from);
+            }
+        }
+        // A step may be outside by the tolerance of its solver, or by rounding.
+        self.project(plan, previous);
+    }
+
+    /// Sets the plan `length` of the step away from the base, the step being in other units.
+    #[inline(never)]
+    fn move_in_units(&self, plan: &mut Solution, length: f64) {
+        let units = &self.transcription.units;
+        let steps = self.step.d.iter().enumerate();
+        for ((z, base), (v, d)) in plan.z.iter_mut().zip(&self.base.z).zip(steps) {
+            *z = base + length * d * units.unknown(v);
+        }
+    }
+
     /// Halves the step until the merit function decreases.
     #[inline(never)]
     pub(super) fn backtrack(

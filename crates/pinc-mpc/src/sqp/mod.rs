@@ -2,6 +2,7 @@
 
 mod elastic;
 mod hessian;
+mod interior;
 mod line_search;
 mod outcome;
 
@@ -12,12 +13,14 @@ use crate::cost::Targets;
 use crate::curvature::{At, Purpose};
 use crate::horizon::Horizon;
 use crate::kkt::KktResidual;
+use crate::memory::Memory;
 use crate::merit::{Merit, price_of_violations};
 use crate::solution::Solution;
 use crate::stage_cost::StageCost;
 use crate::transcription::Transcription;
 use crate::{BoundSchedule, MpcError, NmpcProblem, Softness, SqpConfig, SqpStatus, StepWork};
 use hessian::{Hessian, HessianChoice};
+use interior::{Interior, Phase};
 use pinc_qp::{ChosenQp, OcpDims, Qp, QpSolver, QpStatus, QpStep, Row};
 use std::ops::Range;
 
@@ -78,6 +81,8 @@ pub(crate) struct Sqp {
     exact: [bool; 3],
     /// Whether hard constraints are soft for now.
     elastic: bool,
+    /// Where the exact Hessian may be taken.
+    interior: Option<Interior>,
 }
 
 /// A point with its residual and cost.
@@ -117,6 +122,7 @@ impl Sqp {
         let qp = transcription.qp();
         let dims = qp.dims;
         let hessian = config.hessian.resolve(problem);
+        let exact = HessianChoice::of(hessian, transcription.leaves_out_hessian()).may_be_exact();
         Ok(Self {
             config: SqpConfig { hessian, ..config },
             solver: ChosenQp::new(&qp, config.qp)?,
@@ -135,6 +141,7 @@ impl Sqp {
             ]
             .map(|softness| *softness == Softness::Exact),
             elastic: false,
+            interior: (exact && config.starts == 1).then(|| Interior::new(&qp, dims)),
             trial: qp.clone(),
             curved: transcription.curved_qp(),
             hessian: HessianChoice::new(None),
@@ -204,14 +211,25 @@ impl Sqp {
 
     /// Forgets all plans, and how large states and inputs turned out to be.
     pub(crate) fn forget(&mut self) {
+        self.interior.iter_mut().for_each(Interior::forget);
         if self.transcription.forget() {
             self.rebuild_programs();
         }
     }
 
+    /// Saves or restores what a control step takes over from the last ones, and forgets all else.
+    pub(crate) fn remember(&mut self, memory: &mut Memory<'_>) {
+        let mut interior = self.interior.take();
+        interior.iter_mut().for_each(|interior| interior.remember(memory));
+        self.forget();
+        self.interior = interior;
+    }
+
     /// The work since this was last asked.
     pub(crate) fn take_work(&mut self) -> StepWork {
-        StepWork::new(self.transcription.take_linearized(), self.solver.take_work())
+        let mut work = self.solver.take_work();
+        self.interior.iter_mut().for_each(|interior| work += interior.take_work());
+        StepWork::new(self.transcription.take_linearized(), work)
     }
 
     /// Moves the plan's inputs into their bounds.
@@ -328,6 +346,9 @@ impl Sqp {
         let (mut curvature_dropped, always) = (false, self.transcription.leaves_out_hessian());
         self.hessian = HessianChoice::of(self.config.hessian, always);
         self.settled = false;
+        // Several starts want to end in several minima; a barrier comes from the middle to one.
+        let possible = self.config.starts == 1 && !self.transcription.is_tightened();
+        self.interior.iter_mut().for_each(|interior| interior.begin(possible));
         let status = loop {
             if let Some(status) = self.check_termination(point.kkt, iterations) {
                 break status;
@@ -340,6 +361,23 @@ impl Sqp {
             self.dropped = false;
             if self.hessian.judge(iterations, point.kkt.max()) {
                 self.step_length.reset();
+            }
+            let slow = self.hessian.is_slow();
+            if self.interior.as_mut().is_some_and(|interior| interior.is_due(iterations, slow)) {
+                let from = (point, &mut iterations);
+                match self.go_through_interior(model, input, plan, from, expired) {
+                    Phase::Found(found) => {
+                        point = found;
+                        (least, self.settled) = (point.kkt.max(), true);
+                    }
+                    Phase::Failed => {}
+                    Phase::Expired(last) => {
+                        point = last;
+                        break SqpStatus::Deadline;
+                    }
+                }
+                self.hessian.restart(iterations);
+                continue;
             }
             if self.hessian.current() == Hessian::Exact {
                 let convexity = self.hessian.convexity();
@@ -512,50 +550,6 @@ impl Sqp {
     fn give_up(&self, plan: &mut Solution) -> Search {
         plan.copy_from(&self.base);
         Search::Expired
-    }
-
-    /// Sets the plan `length` of the step away from the base, and linearizes there, unless
-    /// `expired` says before that the time is up.
-    fn evaluate_trial(
-        &mut self,
-        model: &mut Horizon,
-        input: StepInput<'_>,
-        plan: &mut Solution,
-        length: f64,
-        expired: &mut dyn FnMut() -> bool,
-    ) -> Option<Point> {
-        self.set_trial(plan, length, input.targets.previous);
-        self.try_point(model, input, plan, expired)
-    }
-
-    fn set_trial(&self, plan: &mut Solution, length: f64, previous: &[f64]) {
-        for ((z, base), d) in plan.z.iter_mut().zip(&self.base.z).zip(&self.step.d) {
-            *z = base + length * d;
-        }
-        if !self.transcription.units.are_plain() {
-            self.move_in_units(plan, length);
-        }
-        // Beyond the program's own there is no estimate of the multipliers where curvature was dropped.
-        let length = if self.dropped { length.min(1.0) } else { length };
-        let parts = plan.multipliers.parts_mut().into_iter();
-        let ends = self.base.multipliers.parts().into_iter().zip(self.step.multipliers.parts());
-        for (part, (from, to)) in parts.zip(ends) {
-            for ((multiplier, from), to) in part.iter_mut().zip(from).zip(to) {
-                *multiplier = from + length * (to - from);
-            }
-        }
-        // A step may be outside by the tolerance of its solver, or by rounding.
-        self.project(plan, previous);
-    }
-
-    /// Sets the plan `length` of the step away from the base, the step being in other units.
-    #[inline(never)]
-    fn move_in_units(&self, plan: &mut Solution, length: f64) {
-        let units = &self.transcription.units;
-        let steps = self.step.d.iter().enumerate();
-        for ((z, base), (v, d)) in plan.z.iter_mut().zip(&self.base.z).zip(steps) {
-            *z = base + length * d * units.unknown(v);
-        }
     }
 
     /// Linearizes at `plan`, into the trial QP, unless `expired` says before that the time is up.

@@ -198,13 +198,13 @@ impl Convexifier {
 }
 
 /// The largest entry of Q, R and T, at least 1.
-fn largest_entry(qp: &Qp) -> f64 {
+pub(crate) fn largest_entry(qp: &Qp) -> f64 {
     let entries = qp.q.iter().chain(&qp.t).chain(&qp.r);
     entries.fold(1.0_f64, |most, entry| most.max(entry.abs()))
 }
 
 /// Adds to the diagonals of Q and T.
-fn add_to_diagonals(qp: &mut Qp, shift: f64) {
+pub(crate) fn add_to_diagonals(qp: &mut Qp, shift: f64) {
     let OcpDims { nx, nu, .. } = qp.dims;
     for (blocks, size) in [(&mut qp.q, nx), (&mut qp.t, nu)] {
         for block in blocks.chunks_exact_mut(size * size) {

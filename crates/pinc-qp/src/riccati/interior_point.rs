@@ -2,6 +2,7 @@
 
 use super::newton::{Newton, stiffness};
 use super::rows::Rows;
+use super::side::Side;
 use crate::algebra::largest;
 use crate::{FARTHEST, Qp, QpWork};
 
@@ -56,112 +57,6 @@ pub(super) struct InteriorPoint {
     constant_stiffness: f64,
     /// What all solutions took.
     pub(super) work: QpWork,
-}
-
-/// A finite limit of a row.
-#[derive(Clone, Copy, Debug)]
-struct Side {
-    row: usize,
-    /// s: 1 at an upper limit, -1 at a lower one.
-    sign: f64,
-    /// s times the limit.
-    bound: f64,
-    penalty: f64,
-    t: f64,
-    mu: f64,
-    e: f64,
-    /// 1 / stiffness
-    compliance: f64,
-    /// The residual of the first line.
-    off: f64,
-    /// D
-    weight: f64,
-    /// The part of Dmu / D that does not depend on the step.
-    term: f64,
-    /// The wanted change of nu e.
-    outer: f64,
-    dt: f64,
-    dmu: f64,
-    de: f64,
-}
-
-impl Side {
-    fn new(row: usize, sign: f64, limit: f64, penalty: f64, compliance: f64) -> Self {
-        let bound = sign * limit;
-        let zero = 0.0;
-        Self {
-            row,
-            sign,
-            bound,
-            penalty,
-            t: 1.0,
-            mu: 1.0,
-            e: 0.0,
-            compliance,
-            off: zero,
-            weight: zero,
-            term: zero,
-            outer: zero,
-            dt: zero,
-            dmu: zero,
-            de: zero,
-        }
-    }
-
-    fn soft(&self) -> bool {
-        self.penalty.is_finite()
-    }
-
-    fn nu(&self) -> f64 {
-        self.penalty - self.mu
-    }
-
-    /// nu e
-    fn give(&self) -> f64 {
-        if self.soft() { self.nu() * self.e } else { 0.0 }
-    }
-
-    /// Computes D.
-    fn weigh(&mut self) {
-        let give = if self.soft() { self.e / self.nu() } else { 0.0 };
-        self.weight = 1.0 / (self.t / self.mu + give + self.compliance);
-    }
-
-    /// Chooses the changes of the products mu t and nu e, to reach `tau`; the corrector includes the
-    /// predictor's effect.
-    fn aim(&mut self, tau: f64, corrector: bool) {
-        let second = if corrector { (self.dmu * self.dt, -self.dmu * self.de) } else { (0.0, 0.0) };
-        let inner = tau - self.mu * self.t - second.0;
-        self.outer = tau - self.nu() * self.e - second.1;
-        let give = if self.soft() { self.outer / self.nu() } else { 0.0 };
-        self.term = self.off + inner / self.mu - give;
-    }
-
-    /// The step of t, mu and e, where C d changes by `moved`.
-    fn direct(&mut self, moved: f64) {
-        self.dmu = self.weight * (self.sign * moved + self.term);
-        self.de = if self.soft() { (self.outer + self.e * self.dmu) / self.nu() } else { 0.0 };
-        self.dt = -self.off - self.sign * moved + self.de + self.compliance * self.dmu;
-    }
-
-    /// The longest step, up to `length`, that leaves nothing negative.
-    fn longest(&self, length: f64) -> f64 {
-        let until =
-            |value: f64, change: f64| if change < 0.0 { -value / change } else { f64::INFINITY };
-        let length = length.min(until(self.t, self.dt)).min(until(self.mu, self.dmu));
-        if self.soft() {
-            length.min(until(self.nu(), -self.dmu)).min(until(self.e, self.de))
-        } else {
-            length
-        }
-    }
-
-    /// The sum of the products after a step of this length.
-    fn gap(&self, length: f64) -> f64 {
-        let (t, mu) = (self.t + length * self.dt, self.mu + length * self.dmu);
-        let e = self.e + length * self.de;
-        mu * t + if self.soft() { (self.penalty - mu) * e } else { 0.0 }
-    }
 }
 
 impl InteriorPoint {

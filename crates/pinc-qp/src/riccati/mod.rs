@@ -1,15 +1,18 @@
 //! The path for long horizons, on the structure of the stages.
 
 mod active_rows;
+mod barrier;
 mod chains;
 mod interior_point;
 mod newton;
 mod recursion;
 mod rows;
+mod side;
 #[cfg(test)]
 mod tests;
 
 use self::active_rows::{ActiveRows, Patience};
+pub use self::barrier::Barrier;
 use self::interior_point::{Ending, InteriorPoint};
 use self::newton::Newton;
 use super::{CondensedQp, Qp, QpSolver, QpStatus, QpStep, QpWork};

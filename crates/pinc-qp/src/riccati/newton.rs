@@ -194,9 +194,18 @@ impl Newton {
 
     /// Goes `length` times the step in d and lambda.
     pub(super) fn advance(&mut self, length: f64) {
-        let [d, lambda] = &self.step;
-        add_scaled(&mut self.d, length, d);
-        add_scaled(&mut self.lambda, length, lambda);
+        add_scaled(&mut self.d, length, &self.step[0]);
+        self.advance_lambda(length);
+    }
+
+    /// Goes `length` times the step in lambda.
+    pub(super) fn advance_lambda(&mut self, length: f64) {
+        add_scaled(&mut self.lambda, length, &self.step[1]);
+    }
+
+    /// Dd
+    pub(super) fn step(&self) -> &[f64] {
+        &self.step[0]
     }
 }
 

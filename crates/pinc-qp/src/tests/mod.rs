@@ -7,7 +7,7 @@ use super::condense::CondensedQp;
 use super::riccati::RiccatiQp;
 use super::{ChosenQp, OcpDims, Qp, QpError, QpMethod, QpSolver, QpStatus, QpStep};
 pub(super) mod endings;
-mod programs;
+pub(crate) mod programs;
 
 use programs::{counted, coupled, programs, stage_costs, trees, unweighted};
 use proptest::collection::vec;

@@ -48,7 +48,7 @@ fn spread(limits: &mut Limits, i: usize, value: f64, (kind, width, penalty): Spr
 
 /// Programs with a feasible point, about which the limits lie. Where `coarse`, most numbers are
 /// quarters.
-pub(super) fn programs(coarse: bool) -> impl Strategy<Value = Qp> {
+pub(crate) fn programs(coarse: bool) -> impl Strategy<Value = Qp> {
     shapes().prop_flat_map(move |dims| programs_of(dims, coarse))
 }
 

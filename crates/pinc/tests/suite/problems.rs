@@ -248,6 +248,79 @@ fn an_orbit_beats_the_best_steady_state() {
     }
 }
 
+/// Negative curvature and a least height, with active rows that change in every program: the barrier finds
+/// each plan, which programs alone do not in 300.
+#[test]
+fn a_kite_that_is_held_up_by_its_least_height_is_planned_in_few_steps() {
+    let experiment = load("benches/outside/dompc/kite.toml", &[]).unwrap();
+    let mut controller = controller_of(&experiment);
+    let mut x = controller.spec().initial_state.clone();
+    for k in 0..40 {
+        let step = controller.step(&x, Follow::Config, None).unwrap();
+        assert_eq!(step.status, SqpStatus::Converged, "{k}");
+        assert!(step.sqp_iterations <= 150, "{k}: {}", step.sqp_iterations);
+        x = controller.nmpc().plan().states()[..3].to_vec();
+    }
+}
+
+/// A problem in other units: the sizes of the two states and of the first input.
+fn mixed([p, c, f]: [f64; 3]) -> String {
+    let [q_p, q_c, r_f] = [p, c, f].map(|size| size.powi(-2));
+    let [start, p_end, c_end] = [0.4 * f, 1.3 * p, 0.8 * c];
+    format!(
+        r#"
+name = "mixed"
+preset = "ours"
+seed = 1
+
+[plant.expression]
+states = ["p", "c", "th"]
+inputs = ["f", "g"]
+parameters = {{ P = {p}, C = {c}, F = {f} }}
+let = {{ s = "p/P", z = "c/C" }}
+
+[plant.expression.derivatives]
+p = "P*(f/F - 0.4*sqrt(max(s, 0)) + 0.1*z)"
+c = "C*(-z/2 + g*(1.5 - z) + 0.3*s*th)"
+th = "s - th - 0.2*z*th"
+
+[control]
+models = ["rk4"]
+step_s = 0.3
+duration_s = 0.3
+initial_state = [{p}, {c}, 0.5]
+initial_input = [{start}, 0.5]
+controlled = ["p", "c"]
+q = [{q_p}, {q_c}]
+r = [{r_f}, 0.1]
+n2 = 8
+nu = 5
+rk4_substeps = 2
+input_low = [0.0, 0.0]
+input_high = [{f}, 1.0]
+references = [{{ start_s = 0.0, value = [{p_end}, {c_end}] }}]
+cost = {{ stage = "(s - 1.2)^2" }}
+"#
+    )
+}
+
+#[test]
+fn the_units_of_states_without_bounds_do_not_matter() {
+    let solved = |sizes: [f64; 3]| {
+        let mut controller = controller_of(&parse(&mixed(sizes), &[]).unwrap());
+        let step = controller.step(&[sizes[0], sizes[1], 0.5], Follow::Config, None).unwrap();
+        assert_eq!(step.status, SqpStatus::Converged, "{sizes:?}");
+        assert!(step.sqp_iterations <= 6, "{sizes:?}: {}", step.sqp_iterations);
+        [step.u[0] / sizes[2], step.u[1], step.cost.unwrap()]
+    };
+    let expected = solved([1.0; 3]);
+    for sizes in [[1.0, 1e-5, 1.0], [1e5, 1e-5, 1e3], [1e-7, 1.0, 1e-7], [1e-7, 1e-7, 1.0]] {
+        for (found, expected) in solved(sizes).iter().zip(expected) {
+            assert!((found - expected).abs() < 1e-7, "{sizes:?}: {found} {expected}");
+        }
+    }
+}
+
 /// A boat passes an island, which is a little south of its course, to a place south of it.
 const ISLAND: &str = r#"
 name = "island"

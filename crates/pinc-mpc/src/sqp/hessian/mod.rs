@@ -45,6 +45,7 @@ pub(super) struct HessianChoice {
     /// From which program on it is judged.
     judged_from: usize,
     has_been_slow: bool,
+    is_slow: bool,
     convexity: Convexity,
 }
 
@@ -67,6 +68,7 @@ impl HessianChoice {
             least: [f64::INFINITY; WINDOW],
             judged_from: PATIENCE,
             has_been_slow: false,
+            is_slow: false,
             convexity: Convexity::default(),
         }
     }
@@ -80,6 +82,16 @@ impl HessianChoice {
         self.has_been_slow
     }
 
+    /// Whether the last programs were slow.
+    pub(super) fn is_slow(&self) -> bool {
+        self.is_slow
+    }
+
+    /// Whether the exact Hessian may be taken.
+    pub(super) fn may_be_exact(&self) -> bool {
+        self.only != Some(Hessian::GaussNewton)
+    }
+
     /// Takes note of the residual after so many programs; whether the next one has another Hessian.
     pub(super) fn judge(&mut self, programs: usize, residual: f64) -> bool {
         let place = programs % WINDOW;
@@ -87,7 +99,8 @@ impl HessianChoice {
         let last = self.least[(programs + WINDOW - 1) % WINDOW];
         self.least[place] = last.min(residual);
         let slow = self.least[place] > FAST_ENOUGH * before;
-        programs >= self.judged_from && slow && self.change(programs)
+        self.is_slow = programs >= self.judged_from && slow;
+        self.is_slow && self.change(programs)
     }
 
     /// Judges anew: the problem is another one after so many programs.

@@ -1,7 +1,11 @@
 //! The units in which the optimization computes.
 
+#[cfg(test)]
+mod tests;
+
 use crate::constraints::ConstraintWork;
 use crate::cost::Targets;
+use crate::curvature::LEAST_SIZE;
 use crate::outputs::OutputRows;
 use crate::{NmpcProblem, Tracked};
 use pinc_ode::Dims;
@@ -150,7 +154,7 @@ impl Units {
         let mut changed = false;
         for (units, unknown) in [&mut self.x, &mut self.u].into_iter().zip(&self.unknown) {
             for (unit, _) in units.iter_mut().zip(unknown).filter(|(_, unknown)| **unknown) {
-                changed |= *unit > 1.0;
+                changed |= unit.to_bits() != 1.0_f64.to_bits();
                 *unit = 1.0;
             }
         }
@@ -161,16 +165,16 @@ impl Units {
     pub(crate) fn follow(&mut self, x0: &[f64], targets: Option<Targets<'_>>) -> bool {
         let mut changed = false;
         for (i, unit) in self.x.iter_mut().enumerate().filter(|(i, _)| self.unknown[0][*i]) {
-            let mut size = x0[i].abs();
+            let mut reference = 0.0;
             if let (Some(targets), Some(place)) = (targets, self.tracked[i]) {
                 let values = targets.reference.iter().skip(place).step_by(self.outputs);
-                size = values.fold(size, |size, value| size.max(value.abs()));
+                reference = values.fold(0.0_f64, |size, value| size.max(value.abs()));
             }
-            changed |= grow(unit, size);
+            changed |= fit(unit, reference.max(x0[i].abs()), reference > 0.0);
         }
         if let Some(targets) = targets {
             for (i, unit) in self.u.iter_mut().enumerate().filter(|(i, _)| self.unknown[1][*i]) {
-                changed |= grow(unit, targets.previous[i].abs());
+                changed |= fit(unit, targets.previous[i].abs(), false);
             }
         }
         changed
@@ -190,6 +194,12 @@ impl Units {
             None => self.x[i],
             Some(input) => self.u[input],
         }
+    }
+
+    /// Whether only the values of a number of a stage's (x, u) show its size.
+    pub(crate) fn has_unknown_size(&self, i: usize) -> bool {
+        let [states, inputs] = &self.unknown;
+        i.checked_sub(states.len()).map_or_else(|| states[i], |input| inputs[input])
     }
 
     /// What a second derivative of the cost by two numbers of a stage's (x, u) is multiplied by.
@@ -342,15 +352,16 @@ fn divide_blocks(blocks: &mut [f64], units: &[f64]) {
     }
 }
 
-/// Makes a unit fit a quantity that may be 0 at times, and so is not small for that; whether it
-/// changed.
-fn grow(current: &mut f64, size: f64) -> bool {
-    let small = *current > 1.0 && size < SMALL * *current;
-    let wrong = size.is_finite() && (small || size > ORDINARY[1] * *current);
-    if wrong {
-        *current = unit(size.max(1.0), ORDINARY);
+/// Makes a unit fit a quantity of this size; whether it changed. The quantity may be near 0 at times, and
+/// so is small only if a reference says so.
+fn fit(current: &mut f64, size: f64, referred: bool) -> bool {
+    let small = size < SMALL * *current && (*current > 1.0 || referred);
+    if !size.is_finite() || !small && size <= ORDINARY[1] * *current {
+        return false;
     }
-    wrong
+    let before = *current;
+    *current = unit(size.max(if referred { LEAST_SIZE } else { 1.0 }), ORDINARY);
+    before.to_bits() != current.to_bits()
 }
 
 /// The unit of a quantity of this size: 1 if that is ordinary or unknown, otherwise a power of 2 of
@@ -360,49 +371,5 @@ fn unit(size: f64, [least, most]: [f64; 2]) -> f64 {
         (size.log2().floor() - 3.0).clamp(-300.0, 300.0).exp2()
     } else {
         1.0
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::Weights;
-
-    /// The unit of the cost of one state and one input of ordinary size, by their weights.
-    fn cost(q: f64, r: f64) -> f64 {
-        let dims = Dims::new(1, 1);
-        let problem = NmpcProblem::new(dims, 1, Weights::uniform(vec![1.0], vec![1.0]));
-        let rows = OutputRows::default();
-        let mut units = Units::new(&problem, problem.ocp_dims(dims, &rows), &rows);
-        units.choose_cost(&[q], &[r]);
-        units.cost
-    }
-
-    #[test]
-    fn what_has_no_weight_says_nothing_of_the_cost() {
-        let large = cost(1e12, 1e12);
-        assert!(large > 1e10, "{large}");
-        for (q, r) in [(1e12, 0.0), (0.0, 1e12)] {
-            assert!((cost(q, r) / large - 1.0).abs() < 1e-12, "{q} {r}");
-        }
-        assert!((cost(0.0, 0.0) - 1.0).abs() < 1e-12);
-    }
-
-    #[test]
-    fn a_unit_follows_what_is_large_and_stays_where_it_fits() {
-        let after = |unit: f64, size: f64| {
-            let mut unit = unit;
-            let changed = grow(&mut unit, size);
-            (changed, unit.log2())
-        };
-        // 2^20 is 8 times 2^17.
-        let large = f64::from(1 << 20);
-        assert_eq!(after(1.0, large), (true, 17.0));
-        assert_eq!(after(f64::from(1 << 17), large), (false, 17.0));
-        assert_eq!(after(f64::from(1 << 30), large), (true, 17.0));
-        assert_eq!(after(f64::from(1 << 30), 0.0), (true, 0.0));
-        for (unit, size) in [(1.0, 0.0), (1.0, 1024.0), (1.0, f64::INFINITY), (1.0, f64::NAN)] {
-            assert_eq!(after(unit, size), (false, 0.0), "{size}");
-        }
     }
 }

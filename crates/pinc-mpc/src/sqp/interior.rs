@@ -1,0 +1,234 @@
+//! The interior-point phase, for problems on which programs with active rows are slow.
+
+use super::{Point, Sqp, StepInput};
+use crate::curvature::Purpose;
+use crate::horizon::Horizon;
+use crate::memory::Memory;
+use crate::solution::Solution;
+use pinc_qp::{Barrier, OcpDims, Qp, QpWork};
+
+/// So many programs are solved before they are slow enough.
+const PATIENCE: usize = 32;
+/// After a control step that needed the phase, so many begin with it.
+const REPEATED: usize = 16;
+/// tau at the beginning: from a plan that programs did not bring far, and from the last control step's.
+const TAU: [f64; 2] = [1e-2, 1e-3];
+/// A phase that does not converge must bring the residual to this part of what it was.
+const GAINED: f64 = 0.1;
+/// The part of the promised decrease of the merit function that a step must bring.
+const SUFFICIENT: f64 = 1e-4;
+/// How often a step is halved.
+const HALVINGS: usize = 30;
+/// What rounding makes of the merit function, as part of it.
+const NOISE: f64 = 1e-12;
+
+/// The interior-point phase of the SQP.
+///
+/// With the exact Hessian of an economic cost a program says nothing beyond its active rows where
+/// curvature is negative, and programs whose active rows change each time converge slowly or not at all.
+/// A barrier weighs all rows, so that curvature counts where no row holds: some 10 to 30 linearizations
+/// come to a solution, whose multipliers say which rows are active.
+#[derive(Debug)]
+pub(super) struct Interior {
+    barrier: Barrier,
+    /// The plan from which the phase starts.
+    start: Solution,
+    /// Whether it is still possible in this control step.
+    possible: bool,
+    need: Need,
+}
+
+/// How much the last control steps needed the phase.
+#[derive(Clone, Copy, Debug, Default)]
+struct Need {
+    /// Whether programs were slow in this control step, and in the last one.
+    now: bool,
+    before: bool,
+    /// How many control steps still begin with the phase.
+    repeated: usize,
+}
+
+/// How the phase ended.
+pub(super) enum Phase {
+    /// With a better plan.
+    Found(Point),
+    /// The plan is as it was.
+    Failed,
+    /// The time is up.
+    Expired(Point),
+}
+
+impl Interior {
+    pub(super) fn new(qp: &Qp, dims: OcpDims) -> Self {
+        let (barrier, start) = (Barrier::new(qp), Solution::new(dims));
+        Self { barrier, start, possible: false, need: Need::default() }
+    }
+
+    /// A control step begins in which the phase is possible or not.
+    pub(super) fn begin(&mut self, possible: bool) {
+        self.possible = possible;
+        self.need.begin();
+    }
+
+    /// Whether the phase is due, once in a control step, after so many programs, which are slow or not.
+    pub(super) fn is_due(&mut self, programs: usize, slow: bool) -> bool {
+        let due = self.possible && self.need.is_due(programs, slow);
+        self.possible &= !due;
+        due
+    }
+
+    /// The work since this was last asked.
+    pub(super) fn take_work(&mut self) -> QpWork {
+        self.barrier.take_work()
+    }
+
+    /// Forgets what the last control steps needed.
+    pub(super) fn forget(&mut self) {
+        self.need = Need::default();
+    }
+
+    /// Saves or restores what they needed.
+    pub(super) fn remember(&mut self, memory: &mut Memory<'_>) {
+        memory.flag(&mut self.need.now);
+        memory.count(&mut self.need.repeated, REPEATED);
+    }
+}
+
+impl Need {
+    fn begin(&mut self) {
+        self.before = std::mem::take(&mut self.now);
+        self.repeated = self.repeated.saturating_sub(1);
+    }
+
+    fn is_due(&mut self, programs: usize, slow: bool) -> bool {
+        self.now = self.repeated == 0 && programs >= PATIENCE && slow;
+        self.now || self.repeated > 0
+    }
+
+    /// Two control steps that were slow are followed by some that begin with the phase, if that finds
+    /// plans.
+    fn end(&mut self, found: bool) {
+        if !found {
+            self.repeated = 0;
+        } else if self.now && self.before {
+            self.repeated = REPEATED;
+        }
+    }
+}
+
+impl Sqp {
+    /// Goes on from the plan by the barrier method, to the tolerance or to the most iterations.
+    #[inline(never)]
+    pub(super) fn go_through_interior(
+        &mut self,
+        model: &mut Horizon,
+        input: StepInput<'_>,
+        plan: &mut Solution,
+        (point, iterations): (Point, &mut usize),
+        expired: &mut dyn FnMut() -> bool,
+    ) -> Phase {
+        let Some(mut interior) = self.interior.take() else { return Phase::Failed };
+        let [cold, warm] = TAU;
+        let tau = if *iterations == 0 { warm } else { cold };
+        interior.start.copy_from(plan);
+        interior.barrier.begin(&self.qp, &plan.multipliers, tau);
+        let mut best = point;
+        while best.kkt.max() > self.config.tolerance && *iterations < self.config.max_iterations {
+            *iterations += 1;
+            let from =
+                self.interior_step(model, input, plan, (&mut interior.barrier, best), expired);
+            match from {
+                Some(next) => best = next,
+                None => break,
+            }
+        }
+        let phase = if best.kkt.max() <= self.config.tolerance.max(GAINED * point.kkt.max()) {
+            Phase::Found(best)
+        } else if expired() {
+            Phase::Expired(best)
+        } else {
+            plan.copy_from(&interior.start);
+            if self.try_point(model, input, plan, expired).is_some() {
+                std::mem::swap(&mut self.qp, &mut self.trial);
+                Phase::Failed
+            } else {
+                Phase::Expired(point)
+            }
+        };
+        interior.need.end(matches!(phase, Phase::Found(_)));
+        self.interior = Some(interior);
+        phase
+    }
+
+    /// A step of the barrier method; `None` if there is none, or if the time is up.
+    fn interior_step(
+        &mut self,
+        model: &mut Horizon,
+        input: StepInput<'_>,
+        plan: &mut Solution,
+        (barrier, from): (&mut Barrier, Point),
+        expired: &mut dyn FnMut() -> bool,
+    ) -> Option<Point> {
+        barrier.measure(&self.qp);
+        barrier.lower_tau();
+        barrier.write(&mut plan.multipliers);
+        self.curve(model, input, plan, Purpose::Barrier, expired)?;
+        let mut length = barrier.direct(&mut self.curved, &mut self.step, expired)?;
+        let [start, slope] = barrier.begin_search(&self.qp, &self.step, from.cost);
+        self.base.copy_from(plan);
+        for _ in 0..HALVINGS {
+            let there = self.evaluate_trial(model, input, plan, length, expired);
+            let Some(Point { cost, .. }) = there else { break };
+            let merit = barrier.merit(&self.trial, cost, length);
+            if merit <= start + SUFFICIENT * length * slope + NOISE * start.abs() {
+                barrier.advance(length);
+                barrier.write(&mut plan.multipliers);
+                std::mem::swap(&mut self.qp, &mut self.trial);
+                return Some(Point { kkt: self.residual(plan), cost });
+            }
+            length *= 0.5;
+        }
+        plan.copy_from(&self.base);
+        None
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Which of some control steps begin with the phase, where programs are slow in each but those of
+    /// `fast` and the phase finds plans in all but `failed`.
+    fn begun(fast: &[usize], failed: &[usize]) -> Vec<usize> {
+        let mut need = Need::default();
+        let at_once = |step: &usize| {
+            need.begin();
+            let at_once = need.is_due(0, false);
+            if at_once || need.is_due(PATIENCE, !fast.contains(step)) {
+                need.end(!failed.contains(step));
+            }
+            at_once
+        };
+        (0..40).filter(at_once).collect()
+    }
+
+    #[test]
+    fn two_slow_control_steps_are_followed_by_some_that_begin_with_the_phase() {
+        let expected: Vec<usize> = (2..17).chain(19..34).chain(36..40).collect();
+        assert_eq!(begun(&[], &[]), expected);
+        // One alone is not.
+        assert!(begun(&(0..40).step_by(2).collect::<Vec<_>>(), &[]).is_empty());
+        // Until it fails.
+        assert_eq!(
+            begun(&(20..40).collect::<Vec<_>>(), &[4]),
+            [2, 3, 4].into_iter().chain(7..22).collect::<Vec<_>>()
+        );
+    }
+
+    #[test]
+    fn fast_and_early_programs_are_left_alone() {
+        let mut need = Need::default();
+        assert!(!need.is_due(PATIENCE - 1, true) && !need.is_due(PATIENCE, false));
+        assert!(need.is_due(PATIENCE, true));
+    }
+}
