@@ -76,7 +76,10 @@ impl InC {
     ///
     /// If the self-test fails.
     pub(super) fn time(&self) -> Result<CostInC, RunError> {
-        let said = self.run(&mut Command::new(self.dir.join("timed")))?;
+        // A relative path would be looked up in the directory in which the program is to run.
+        let program = self.dir.join("timed");
+        let program = fs::canonicalize(&program).map_err(RecordError::unreadable(&program))?;
+        let said = self.run(&mut Command::new(program))?;
         let times = said.lines().filter_map(|line| line.strip_prefix("us ")?.parse().ok());
         let mut times: Vec<f64> = times.collect();
         times.sort_by(f64::total_cmp);

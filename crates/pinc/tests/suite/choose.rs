@@ -131,15 +131,14 @@ fn the_recommended_config_keeps_its_promise_and_a_resumed_run_repeats_nothing() 
     choose(&one_step, &out, &["--resume"]).assert_refused(&["another config"]);
 }
 
-/// Nets have to keep the tolerances of the config: they are trained until their errors are proven to,
-/// and one whose estimated error is beyond its tolerance in the loop is not good.
 #[test]
 fn the_steps_of_exported_c_are_timed() {
     let dir = tempfile::tempdir().unwrap();
-    let (config, out) = (repository("configs/smoke/van-der-pol.toml"), dir.path().join("out"));
-    let in_c = [&TINY[..], &["--target", "c"]].concat();
-    let chosen = choose(&config, &out, &in_c);
-    let table = table(&chosen);
+    let config = repository("configs/smoke/van-der-pol.toml").canonicalize().unwrap();
+    // A relative directory, as the default is.
+    let in_c = ["choose", "--budget-s", "1000", "--target", "c", "--out", "runs/out"];
+    let mut command = pinc(&in_c);
+    let table = table(&outcome(command.args(TINY).arg(config).current_dir(dir.path())));
     assert!(table.contains("Note: times are of the exported C"), "{table}");
     let times = |line: &str| -> Option<[f64; 2]> {
         let words: Vec<&str> = line.strip_suffix("   good")?.split_whitespace().collect();
@@ -149,6 +148,8 @@ fn the_steps_of_exported_c_are_timed() {
     assert!(good.len() > 1 && good.iter().all(|[p50, p99]| *p50 > 0.0 && p99 >= p50), "{table}");
 }
 
+/// Nets have to keep the tolerances of the config: they are trained until their errors are proven to,
+/// and one whose estimated error is beyond its tolerance in the loop is not good.
 #[test]
 fn nets_have_to_keep_their_tolerances() {
     let dir = tempfile::tempdir().unwrap();
