@@ -8,6 +8,7 @@
 
 #![forbid(unsafe_code)]
 
+mod delay;
 mod loop_gradients;
 mod loops;
 mod models;

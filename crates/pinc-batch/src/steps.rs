@@ -1,5 +1,6 @@
 //! One controller, many control steps.
 
+use crate::delay::add_prediction;
 use crate::rows::{Rows, count};
 use crate::share::{share, threads};
 use pinc_mpc::{MpcError, Nmpc, SqpStatus};
@@ -108,6 +109,8 @@ impl NmpcBatch {
 
     /// Takes control steps, and returns for each the gradient of a function of its plan's inputs,
     /// from the gradient `by_inputs` of that function. `smoothing` is as in [`Sensitivity::new`].
+    /// The gradients are in the numbers of `at`, also with a delay, where a step fills all that is under
+    /// way with the input before.
     ///
     /// # Shapes
     ///
@@ -131,8 +134,10 @@ impl NmpcBatch {
             let step = at.step(nmpc, k)?;
             let (reference, before) = (at.reference.at(k), at.u_before.at(k));
             let mut sensitivity = Sensitivity::new(nmpc, reference, before, smoothing)?;
-            let gradient = sensitivity.adjoint(&[], by_inputs.at(k))?;
-            Ok((step, (sensitivity.regularity(), gradient)))
+            let mut gradient = sensitivity.adjoint(&[], by_inputs.at(k))?;
+            let regularity = sensitivity.regularity();
+            add_prediction(nmpc, [at.x.at(k), before], &mut gradient);
+            Ok((step, (regularity, gradient)))
         };
         let done = share(&mut self.workers, at.steps, one);
         let done: Vec<_> = done.into_iter().collect::<Result<_, MpcError>>()?;

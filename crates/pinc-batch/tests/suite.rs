@@ -111,6 +111,41 @@ fn gradients_match_the_controller() {
     }
 }
 
+/// With a delay the gradients are those in what the steps are given, not in the predicted state.
+#[test]
+fn gradients_go_through_a_delay() {
+    let make = || {
+        let weights = Weights::uniform(vec![2.0], vec![0.5]);
+        let problem = NmpcProblem {
+            delay: 2,
+            parameters: vec![0.8],
+            ..NmpcProblem::new(Scaled.dims(), 4, weights)
+        };
+        let config = SqpConfig { tolerance: 1e-11, ..SqpConfig::default() };
+        Nmpc::new(problem, Box::new(Scaled), config)
+    };
+    let mut batch = NmpcBatch::new(1, make).unwrap();
+    let mut at = |[x, u, p]: &[[f64; 1]; 3]| {
+        let at = Situations { x, reference: &[0.3; 4], u_before: u, parameters: p };
+        let found = batch.gradients(at, &[1.0], None).unwrap();
+        assert_eq!(found.steps.statuses, [SqpStatus::Converged]);
+        (found.steps.u[0], found.gradients.into_iter().next().unwrap())
+    };
+    let middle = [[0.7], [0.2], [0.8]];
+    let gradient = at(&middle).1;
+    for (i, given) in [Given::State, Given::AppliedInput, Given::Parameters].into_iter().enumerate()
+    {
+        let mut moved = |step: f64| {
+            let mut numbers = middle;
+            numbers[i][0] += step;
+            at(&numbers).0
+        };
+        let difference = (moved(1e-5) - moved(-1e-5)) / 2e-5;
+        let found = gradient.get(given)[0];
+        assert!((found - difference).abs() < 1e-8, "{given:?}: {found}, {difference}");
+    }
+}
+
 #[test]
 fn loops_match_one_controller() {
     let reference = |k: usize| Reference::new([5.0 + 9.0 * spread(k), 10.0].repeat(12), 2).unwrap();
@@ -176,8 +211,12 @@ impl Model for Scaled {
         next[0] = p[0] * x[0] + u[0];
     }
 
-    fn linearize(&mut self, _: Stages<'_>, _: Linearization<'_>) {
-        unreachable!("it is only stepped");
+    fn linearize(&mut self, at: Stages<'_>, out: Linearization<'_>) {
+        for (k, p) in at.p.iter().enumerate() {
+            out.next[k] = p * at.x[k] + at.u[k];
+            (out.a[k], out.b[k]) = (*p, 1.0);
+            out.e.get_mut(k).into_iter().for_each(|by_p| *by_p = at.x[k]);
+        }
     }
 }
 

@@ -4,7 +4,7 @@ use crate::constraints::ConstraintWork;
 use crate::cost::Targets;
 use crate::stage_cost::{QuadBlock, StagePoint};
 use crate::{Bounds, Constraint, IntervalEnd, KktResidual, Nmpc, Solution};
-use pinc_ode::{Gradients, Linearization, LinearizationBuffer, OutputLinearization, Stages};
+use pinc_ode::{Gradients, Linearization, LinearizationBuffer, Model, OutputLinearization, Stages};
 use pinc_qp::{Multipliers, Qp, Row};
 
 /// The optimization problem of a controller's last step, in the plant's units, for whoever
@@ -74,16 +74,10 @@ impl Program<'_> {
         (qp, at.multipliers, residual)
     }
 
-    /// Writes the state at the end of a stage, by its model with the controller's parameters.
-    pub fn step(&mut self, stage: usize, x: &[f64], u: &[f64], next: &mut [f64]) {
+    /// Returns the model of a stage and the controller's parameters.
+    pub fn model(&mut self, stage: usize) -> (&mut dyn Model, &[f64]) {
         let Nmpc { horizon, parameters, .. } = &mut *self.0;
-        horizon.at(stage).step(x, u, parameters, next);
-    }
-
-    /// Writes the outputs of the model of a stage, with the controller's parameters.
-    pub fn outputs_at(&mut self, stage: usize, x: &[f64], u: &[f64], y: &mut [f64]) {
-        let Nmpc { horizon, parameters, .. } = &mut *self.0;
-        horizon.at(stage).output(x, u, parameters, y);
+        (horizon.at(stage), parameters)
     }
 
     /// Linearizes the models of all stages, each at its own point.

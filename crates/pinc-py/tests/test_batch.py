@@ -143,6 +143,34 @@ def test_torch_differentiates_a_policy(batch: pinc.NmpcBatch) -> None:
     assert np.allclose(before.grad.numpy(), found["applied_input"].sum(axis=0))
 
 
+def test_a_policy_warns_where_plans_are_not_optimal(smoke: Path) -> None:
+    jax = pytest.importorskip("jax")
+    jax.config.update("jax_enable_x64", True)
+    hasty = {**WEIGHTS, "control.sqp.max_iterations": 1}
+    policy = pinc.jax_policy(pinc.NmpcBatch(smoke, only="rk4", overrides=hasty))
+    before, reference = np.zeros(1), np.zeros(2)
+
+    def loss(x: Any) -> Any:
+        return policy(x, reference, before).sum()
+
+    with pytest.warns(RuntimeWarning, match="plans are not optimal"):
+        jax.grad(loss)(states(5))
+
+
+def test_a_policy_is_differentiated_through_a_delay(smoke: Path) -> None:
+    delayed = {**WEIGHTS, "control.delay_steps": 2}
+    batch = pinc.NmpcBatch(smoke, only="rk4", overrides=delayed)
+    x, reference, before = np.array([[0.3, 0.1]]), np.array([0.1, 0.0]), np.array([0.05])
+    found = batch.gradients(x, reference, [1.0], before)
+    assert found.regularity == ["regular"]
+    step = 1e-4
+    for i, e in enumerate(np.eye(2) * step):
+        low, high = (batch.steps(x + d, reference, before).u[0, 0] for d in (-e, e))
+        assert abs(found.values["state"][0, i] - (high - low) / (2 * step)) < 1e-5
+    low, high = (batch.steps(x, reference, before + d).u[0, 0] for d in (-step, step))
+    assert abs(found.values["applied_input"][0, 0] - (high - low) / (2 * step)) < 1e-5
+
+
 def test_torch_learns_a_reference_from_the_cost_of_a_loop(batch: pinc.NmpcBatch) -> None:
     """Steps through the controller: the set point that brings the first input to 0.1."""
     torch = pytest.importorskip("torch")

@@ -203,7 +203,8 @@ impl Rater {
             let u = &plan[acting * nu..(acting + 1) * nu];
             swap(&mut self.begin, &mut self.end);
             fill(program, j - 1, (self.dims, u), &mut self.begin);
-            program.step(j - 1, &self.begin[..nx], u, &mut self.end[..nx]);
+            let (model, p) = program.model(j - 1);
+            model.step(&self.begin[..nx], u, p, &mut self.end[..nx]);
             fill(program, j - 1, (self.dims, u), &mut self.end);
             violation =
                 violation.max(urgency(horizon, j) * self.outside(j, [&self.begin, &self.end]));
@@ -248,7 +249,8 @@ fn fill(program: &mut Program<'_>, stage: usize, (dims, u): (Dims, &[f64]), poin
     let (input, outputs) = rest.split_at_mut(dims.nu);
     input.copy_from_slice(u);
     if !outputs.is_empty() {
-        program.outputs_at(stage, x, u, outputs);
+        let (model, p) = program.model(stage);
+        model.output(x, u, p, outputs);
     }
 }
 

@@ -348,7 +348,9 @@ fn decides_as_the_library(equations: &PlantEquations, problem: &NmpcProblem, dir
         assert_eq!(status, good, "plan {taken}");
         expected.push((taken, [&u[..], nmpc.plan().inputs()].concat()));
         let mut next = [0.0; 2];
-        nmpc.program().step(0, &x, &u, &mut next);
+        let mut program = nmpc.program();
+        let (model, p) = program.model(0);
+        model.step(&x, &u, p, &mut next);
         x.copy_from_slice(&next);
     }
     // One plan in each lane, and one lane.

@@ -1,5 +1,6 @@
 """Controllers as functions that PyTorch and JAX differentiate."""
 
+import warnings
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, Optional
 
@@ -23,6 +24,10 @@ def _gradients(
     x, reference, u_before = given[:3]
     parameters = given[3] if len(given) > 3 else None
     found = batch.gradients(x, reference, by_inputs, u_before, parameters, smoothing)
+    lost = found.regularity.count("not-optimal")
+    if lost:
+        message = f"{lost} of {len(found.regularity)} plans are not optimal; their gradients are wrong"
+        warnings.warn(message, RuntimeWarning, stacklevel=2)
     arrays = (found.values[kind] for kind in _KINDS)
     return [array.reshape(like.shape) for like, array in zip(given, arrays)]
 
@@ -34,7 +39,7 @@ def torch_policy(batch: "NmpcBatch", smoothing: Optional[float] = None) -> Calla
     ``x`` is ``(points, n)``; ``reference`` ``(outputs,)``, ``(points, outputs)`` or ``(points,
     horizon, outputs)``; ``u_before`` ``(m,)`` or ``(points, m)``; ``parameters`` ``(np,)`` or
     ``(points, np)``. The result is ``(points, m)``. With ``smoothing`` the gradients are those of
-    the smoothed plan.
+    the smoothed plan. Where a plan is not optimal the backward pass warns.
     """
     try:
         import torch
