@@ -158,7 +158,7 @@ impl Backward<'_> {
         match self.given.preview {
             true => self.reference.preview_at(k, &nmpc.stage_times_s()[1..], &mut window),
             false => window
-                .chunks_exact_mut(outputs)
+                .chunks_exact_mut(outputs.max(1))
                 .for_each(|row| row.copy_from_slice(self.reference.at(k))),
         }
         let u = nmpc.step(x, &window)?.u.to_vec();

@@ -127,7 +127,8 @@ impl NmpcBatch {
         let reference = match *reference.shape() {
             [width] if width == outputs => values_of.repeat(stages),
             [count, width] if count == steps && width == outputs => {
-                values_of.chunks_exact(outputs).flat_map(|row| row.repeat(stages)).collect()
+                // A controller that tracks nothing has rows without numbers.
+                values_of.chunks_exact(outputs.max(1)).flat_map(|row| row.repeat(stages)).collect()
             }
             [count, n2, width] if count == steps && n2 == stages && width == outputs => values_of,
             _ => {
@@ -231,9 +232,11 @@ impl NmpcBatch {
         let (dims, outputs) = (nmpc.model().dims(), nmpc.problem().tracked.len());
         let loops = rows(&x, "x", dims.nx)?;
         let numbers = values(&references);
-        let steps = match *references.shape() {
-            [steps, width] if width == outputs => steps,
-            [count, steps, width] if count == loops && width == outputs => steps,
+        let (count, steps) = match *references.shape() {
+            [steps, width] if steps > 0 && width == outputs => (1, steps),
+            [count, steps, width] if count == loops && steps > 0 && width == outputs => {
+                (count, steps)
+            }
             _ => {
                 return Err(input(format!(
                     "references: expected an array of shape (steps, {outputs}) or ({loops}, \
@@ -241,8 +244,13 @@ impl NmpcBatch {
                 )));
             }
         };
-        let each = numbers.chunks((steps * outputs).max(1));
-        let references = each.map(|each| Reference::new(each.to_vec(), outputs));
+        let references = (0..count).map(|k| match outputs {
+            0 => Ok(Reference::none(steps)),
+            _ => {
+                let size = steps * outputs;
+                Reference::new(numbers[k * size..(k + 1) * size].to_vec(), outputs)
+            }
+        });
         let references: Vec<_> = references.collect::<Result<_, _>>().map_err(of_mpc)?;
         let u_before = match &u_before {
             None => controller.initial_input(),

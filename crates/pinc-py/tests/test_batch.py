@@ -112,6 +112,31 @@ def test_loops_match_a_controller_and_the_plant(batch: pinc.NmpcBatch) -> None:
     assert np.abs(loops.states[:, -1, 0] - references[:, 0, 0]).max() < 0.05
 
 
+def test_a_controller_that_tracks_nothing_takes_references_without_numbers(smoke: Path) -> None:
+    cost: dict[str, object] = {"stage": "x1^2 + x2^2 + 0.1*u^2"}
+    nothing = {"control.controlled": None, "control.q": None, "control.references": None}
+    economic = {**nothing, "control.cost": cost}
+    batch = pinc.NmpcBatch(smoke, only="rk4", overrides=economic)
+    x = states(3)
+    steps = batch.steps(x, [])
+    for shape in ((3, 0), (3, batch.horizon, 0)):
+        assert np.array_equal(batch.steps(x, np.zeros(shape)).u, steps.u)
+        assert batch.gradients(x, np.zeros(shape), [1.0]).values["state"].shape == (3, 2)
+    for references in (np.zeros((5, 0)), np.zeros((3, 5, 0))):
+        loops = batch.loops(x, references)
+        assert loops.inputs.shape == (3, 5, 1)
+        assert np.abs(loops.inputs[:, 0] - steps.u).max() < 1e-9
+    with pytest.raises(pinc.InputError, match="references: expected an array of shape"):
+        batch.loops(x, np.zeros((0, 0)))
+    jax = pytest.importorskip("jax")
+    policy = pinc.jax_policy(batch)
+
+    def total(x: Any) -> Any:
+        return policy(x, np.zeros(0), np.zeros(1)).sum()
+
+    assert np.isfinite(jax.grad(total)(x)).all()
+
+
 def test_what_does_not_fit_is_named(smoke: Path, batch: pinc.NmpcBatch) -> None:
     with pytest.raises(pinc.InputError, match="x: expected an array of shape"):
         batch.steps([0.1, 0.2], [0.0, 0.0])

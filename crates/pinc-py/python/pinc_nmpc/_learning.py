@@ -28,7 +28,8 @@ def _gradients(
     if lost:
         message = f"{lost} of {len(found.regularity)} plans are not optimal; their gradients are wrong"
         warnings.warn(message, RuntimeWarning, stacklevel=2)
-    arrays = (found.values[kind] for kind in _KINDS)
+    # A controller that tracks nothing has no derivatives in references.
+    arrays = (found.values.get(kind, np.empty(0)) for kind in _KINDS)
     return [array.reshape(like.shape) for like, array in zip(given, arrays)]
 
 
