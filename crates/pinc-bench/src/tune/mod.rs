@@ -74,12 +74,19 @@ pub fn tune(
     }
     let session = Session { base, run_dir, sweep_dir, begun, options };
     let (tried, best) = session.search(spec, cost)?;
-    let Search { cost, candidates } = tried;
+    let Search { cost, candidates, refused } = tried;
     session.run_dir.write(TABLE, cost.table(spec, &candidates).as_bytes())?;
     let values = &candidates[best].0;
     let config = session.write_config(experiment, &cost, &candidates, best)?;
     let (report, scores) = session.judge(values, &cost)?;
     let mut text = cost.compared(spec, experiment, values, &scores);
+    if let [first, ..] = &refused[..] {
+        let (refused, total) = (refused.len(), spec.candidates);
+        let _ = writeln!(
+            text,
+            "Note: the config does not admit {refused} of {total} candidates: {first}"
+        );
+    }
     let _ = writeln!(text, "candidates: {}", session.run_dir.path(TABLE).display());
     let held_out = scores.map(|score| score.cost);
     Ok(Tuned { config, report, held_out, text })
@@ -123,6 +130,8 @@ type Tried = (Candidate, Score);
 struct Search {
     cost: Cost,
     candidates: Vec<Tried>,
+    /// Why the config does not admit some of them.
+    refused: Vec<String>,
 }
 
 /// Where candidates are tried.
@@ -150,7 +159,7 @@ impl Session<'_> {
         }
         cost.set_scales(&results);
         let mut tried = vec![(Candidate::new(), cost.score(&self.base, &results))];
-        let (mut best, mut size) = (0, 1);
+        let (mut best, mut size, mut refused) = (0, 1, Vec::new());
         let mut random = ChaCha8Rng::seed_from_u64(self.base.seed);
         let mut evolution = Evolution::new(spec.start(&self.base), size);
         while tried.len() <= spec.candidates {
@@ -166,8 +175,14 @@ impl Session<'_> {
             let candidates: Vec<Candidate> =
                 drawn.iter().map(|drawn| spec.candidate(&drawn.place)).collect();
             // A candidate that the config does not admit has no trials.
-            let made: Vec<Vec<Trial>> =
-                candidates.iter().map(|values| self.trials(values).unwrap_or_default()).collect();
+            let made = candidates.iter().map(|values| self.trials(values));
+            let made = made.map(|made| {
+                made.unwrap_or_else(|problem| {
+                    refused.push(problem);
+                    Vec::new()
+                })
+            });
+            let made: Vec<Vec<Trial>> = made.collect();
             let results = self.run(&made)?;
             let scores = results.iter().map(|results| cost.score(&self.base, results));
             let begin = tried.len();
@@ -188,7 +203,11 @@ impl Session<'_> {
             stage.advance(done, || format!("cost {now}, as written {before}"));
         }
         stage.end(&format!("{total} candidates, cost {}", tried[best].1));
-        Ok((Search { cost, candidates: tried }, best))
+        if refused.len() == spec.candidates {
+            let problem = format!("`tune.ranges`: the config admits no candidate: {}", refused[0]);
+            return Err(RunError::usage(&self.base.name, problem));
+        }
+        Ok((Search { cost, candidates: tried, refused }, best))
     }
 
     /// The trials of a candidate, or why the config does not admit it.

@@ -131,6 +131,33 @@ fn what_cannot_be_tuned_is_refused() {
     }
 }
 
+/// A candidate is a config of its own, which may be refused where each range by itself is not.
+#[test]
+fn candidates_that_the_config_does_not_admit_are_counted_and_explained() {
+    let dir = tempfile::tempdir().unwrap();
+    let config = dir.path().join("lag.toml");
+    let lone = LAG.replace("also = [\"control.nu\"], ", "");
+    assert_ne!(lone, LAG);
+    fs::write(&config, &lone).unwrap();
+    let some = tune(&config, &dir.path().join("some"), &[]);
+    assert_eq!(some.code, Some(0), "{some:?}");
+    let note = some.stdout.lines().find(|line| line.starts_with("Note: ")).unwrap();
+    let table = fs::read_to_string(dir.path().join("some/tune.csv")).unwrap();
+    let refused = table.lines().filter(|line| line.contains(",all,")).count();
+    assert!((1..24).contains(&refused), "{table}");
+    let count = format!("Note: the config does not admit {refused} of 24 candidates: ");
+    assert!(note.starts_with(&count) && note.contains("control.nu"), "{note}");
+
+    // Only by chance is the duration a whole number of such steps.
+    let steps = "tune.ranges=[{ key = \"control.step_s\", low = 0.1, high = 0.3 }]";
+    let none = ["--quiet", "--set", steps, "--set", "tune.candidates=5"];
+    tune(&config, &dir.path().join("none"), &none).assert_refused(&[
+        "tune.ranges",
+        "admits no candidate",
+        "duration_s",
+    ]);
+}
+
 /// Where no candidate is better, the config is compared with itself; without the metrics of the cost
 /// there is nothing to compare.
 #[test]
