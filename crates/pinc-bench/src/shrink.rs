@@ -3,7 +3,7 @@
 use pinc_config::{ControlSpec, Experiment, ModelKind};
 use pinc_mpc::{Bounds, Reference};
 use pinc_ode::PiecewiseConstant;
-use pinc_record::{CsvText, write_atomically};
+use pinc_record::{CsvText, RunDir};
 use pinc_runs::{
     BatchController, ModelFile, Options, PolicyFile, RunError, Target, Verbosity, console,
 };
@@ -65,7 +65,7 @@ pub struct ShrunkController {
 /// # Errors
 ///
 /// [`RunError`] if the controller has something that a net does not replace, has too few optimal plans,
-/// or a file cannot be read or written.
+/// or a file cannot be read or written, as in a directory of another config or one at work in it.
 pub fn shrink(
     experiment: &Experiment,
     (model, only): (Option<&Path>, Option<ModelKind>),
@@ -79,6 +79,9 @@ pub fn shrink(
     let (hold, seed) = (hold(&controller), experiment.seed);
     let config = ShrinkConfig { neurons, samples, iterations, loops, hold, seed, threads: 0 };
     let region = region(&mut controller)?;
+    let failed = |error| of_shrink(&experiment.name, error);
+    pinc_shrink::check_batch(controller.batch_mut()).map_err(failed)?;
+    let run_dir = RunDir::open(dir, experiment, std::process::id())?;
     let mut see = |stage: Stage| {
         if options.check_interrupt(dir).is_err() {
             return ControlFlow::Break(());
@@ -97,12 +100,9 @@ pub fn shrink(
         ControlFlow::Continue(())
     };
     let (batch, plant) = controller.parts();
-    let shrunk = pinc_shrink::shrink(batch, plant, &region, &config, &mut see)
-        .map_err(|error| of_shrink(&experiment.name, error));
+    let shrunk = pinc_shrink::shrink(batch, plant, &region, &config, &mut see).map_err(failed);
     options.check_interrupt(dir)?;
     let shrunk = shrunk?;
-    std::fs::create_dir_all(dir)
-        .map_err(|error| RunError::usage(dir.display(), error.to_string()))?;
     let to = (Target::C, false);
     let into = (None, Some(dir));
     let exported =
@@ -111,8 +111,8 @@ pub fn shrink(
         });
     let c = exported.map_err(|error| error.to_string());
     let file = PolicyFile::new(&controller, shrunk.policy.net().clone());
-    write_atomically(&dir.join(POLICY), file.to_string().as_bytes())?;
-    write_atomically(&dir.join(TABLE), table(&shrunk.judgement).as_bytes())?;
+    run_dir.write(POLICY, file.to_string().as_bytes())?;
+    run_dir.write(TABLE, table(&shrunk.judgement).as_bytes())?;
     let (weights, labels) = (shrunk.policy.weights(), shrunk.labels);
     Ok(ShrunkController { judgement: shrunk.judgement, c, weights, labels })
 }

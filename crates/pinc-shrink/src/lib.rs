@@ -169,7 +169,7 @@ pub fn shrink(
     config: &ShrinkConfig,
     see: &mut See<'_>,
 ) -> Result<Shrunk, ShrinkError> {
-    batch.each(1, |nmpc, _| check_controller(nmpc)).into_iter().collect::<Result<(), _>>()?;
+    check_batch(batch)?;
     let workers = Workers::new(config.threads)?;
     let stream = |purpose: u64| {
         let mut random = ChaCha8Rng::seed_from_u64(config.seed);
@@ -227,6 +227,15 @@ pub fn shrink(
     let fresh = Drawn::new(batch, region, loops, (&mut stream(3), see))?;
     let judgement = judge::judge(batch, (plant, region), &policy, &fresh, see)?;
     Ok(Shrunk { policy, labels: labels.len(), loss, judgement })
+}
+
+/// Checks that a net can replace the controllers of a batch, as [`shrink`] does first.
+///
+/// # Errors
+///
+/// What they have that a net does not replace.
+pub fn check_batch(batch: &mut NmpcBatch) -> Result<(), ShrinkError> {
+    batch.each(1, |nmpc, _| check_controller(nmpc)).into_iter().collect()
 }
 
 /// Whether to go on.

@@ -519,6 +519,8 @@ fn rows_of_keys() -> Vec<[String; 4]> {
     let config = dir.path().join("keys.toml");
     fs::write(&config, BASE).unwrap();
     let sizes = ["--samples", "300", "--iterations", "30", "--neurons", "6", "--loops", "2"];
+    // That of an earlier test run may be of another config.
+    let _ = fs::remove_dir_all(POLICY_DIR);
     let mut shrink = pinc(&["shrink", "--only", "rk4", "--out"]);
     let shrunk = outcome(shrink.arg(POLICY_DIR).args(sizes).arg(&config));
     assert_eq!(shrunk.code, Some(0), "{shrunk:?}");

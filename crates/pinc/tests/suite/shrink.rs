@@ -52,6 +52,12 @@ fn the_table_and_the_summary_have_the_numbers_of_each_driver() {
     assert!(said.stdout.contains(&kept), "{said:?}");
     let policy = |ending| out.join(format!("smoke_van_der_pol_policy.{ending}")).exists();
     assert!(policy("h") && policy("c"));
+    // Its directory is that of this config.
+    let mut command = pinc(&["shrink", "--only", "rk4", "--set", "control.r=[2.0]"]);
+    command.args(sizes).arg("--out").arg(&out);
+    let other = outcome(command.arg(repository("configs/smoke/van-der-pol.toml")));
+    other.assert_refused(&["another config"]);
+    assert_eq!(fs::read_to_string(out.join("shrink.csv")).unwrap(), table);
     the_loop_of_the_net_is_beside_the_controllers(dir.path(), &out.join("policy.json"));
 }
 
