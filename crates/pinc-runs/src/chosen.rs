@@ -97,9 +97,15 @@ impl<'e> Chosen<'e> {
         let proven = proof::limits(experiment, given.as_ref().map(|(_, net)| net))?;
         // In a family, a net stands for the member that the config names, unless an estimator or a
         // measurement says which one it is, or it is uncertain; an integrator gets it at each call.
-        let LoopParameters { names, values, estimated } = experiment.loop_parameters();
+        let LoopParameters { names, mut values, estimated } = experiment.loop_parameters();
         let place = |name: &String| names.iter().position(|known| known == name);
         let measured: Vec<_> = experiment.measured_parameters().iter().filter_map(place).collect();
+        // Before the first measurement the controller does not know the plant in the loop.
+        let nominal = experiment.plant.parameters();
+        for &place in &measured {
+            let own = spec.parameters.get(names[place]).or_else(|| nominal.get(names[place]));
+            values[place] = own.copied().unwrap_or(values[place]);
+        }
         let mut told = Cow::Borrowed(experiment);
         let (given, names, parameters) = match given {
             Some((bytes, net))

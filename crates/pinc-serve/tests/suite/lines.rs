@@ -187,16 +187,21 @@ fn measured_parameters_are_those_of_the_line() {
     let y = json!([8.0, 12.0, 2.0, 3.0]);
     let plain = json!({ "y": y });
     let line = json!({ "y": y, "parameters": [3.33, 3.35] });
-    let first = |set: &str, request: &Value| {
-        let mut served = Served::new(config, &[set]);
+    let first_with = |sets: &[&str], request: &Value| {
+        let mut served = Served::new(config, sets);
         let u = served.input(request);
         served.end();
         u
     };
-    let told = first("control.parameters={ k1 = 3.33, k2 = 3.35 }", &plain);
+    let first = |set: &str, request: &Value| first_with(&[set], request);
+    let own = "control.parameters={ k1 = 3.33, k2 = 3.35 }";
+    let told = first(own, &plain);
     assert!(first(measured, &line).total_cmp(&told).is_eq());
-    // Without, the parameters of the plant in the loop.
+    // Without, what the models have: the plant in the loop is not known.
     assert!((first(measured, &plain) - told).abs() > 1e-3);
+    assert!(first_with(&[measured, own], &plain).total_cmp(&told).is_eq());
+    let other = "control.plant.four-tanks.pump=[3.33, 3.35]";
+    assert!(first_with(&[measured, other], &plain).total_cmp(&first(measured, &plain)).is_eq());
     let mut served = Served::new(config, &[measured]);
     let refused = br#"{"y": [8.0, 12.0, 2.0, 3.0], "parameters": [3.33]}"#;
     served.refuses(refused, "parameters: 1 numbers given, expected 2, one per measured parameter");
