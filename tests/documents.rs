@@ -104,6 +104,14 @@ fn a_broken_link_is_found() {
     }
 }
 
+/// Macros of exported C begin with the name of the export, not with that of the templates.
+#[test]
+fn macros_of_exported_c_have_the_name_of_an_export() {
+    for page in pages() {
+        assert!(!read(&page).contains("-DPINC_"), "{}", page.display());
+    }
+}
+
 #[test]
 fn blocks_of_toml_can_be_read() {
     let mut count = 0;
