@@ -4,7 +4,7 @@ use crate::error::{ExpressionError, ExpressionProblem};
 use crate::graph::Value;
 use crate::plant_graph::PlantGraph;
 use crate::{TimeUnit, parser, variable};
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 /// A cost as text, of states, inputs, outputs, parameters and intermediates of a plant, and the
 /// time `t`.
@@ -63,6 +63,10 @@ impl PlantGraph {
         for ((key, _), text) in cost.texts().into_iter().zip(texts) {
             values.push(parser::parse(key, text, &scope, &mut self.graph)?);
             self.keys.push((self.graph.nodes.len(), key.to_owned()));
+        }
+        let used: BTreeSet<_> = texts.into_iter().flat_map(parser::names).collect();
+        if let Some(name) = cost.parameters.keys().find(|name| !used.contains(name.as_str())) {
+            return Err(ExpressionProblem::UnusedParameter.at(format!("parameters.{name}")));
         }
         if unit != TimeUnit::S {
             let per_second = self.graph.constant(1.0 / unit.seconds());

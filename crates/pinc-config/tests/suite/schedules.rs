@@ -294,6 +294,10 @@ fn contradictions_are_refused() {
             "`control.cost.parameters.pi`: the name `pi` is taken: the number pi",
         ),
         (
+            &[COST, "control.cost.parameters.w=1.0"],
+            "`control.cost.parameters.w`: no expression uses this parameter; remove it",
+        ),
+        (
             &["control.first_plan={ input = [9.0] }"],
             "`control.first_plan.input[0]`: 9 given, expected from input_low = -1 to input_high = 1",
         ),
