@@ -316,7 +316,7 @@ impl Nmpc {
     #[getter]
     fn predicted_states<'py>(&self, py: Python<'py>) -> PyResult<Array<'py>> {
         let controller = self.lock();
-        let (plan, nx) = (controller.nmpc().plan(), controller.nmpc().model().dims().nx);
+        let (plan, nx) = (controller.plan(), controller.nmpc().model().dims().nx);
         let states = plan.states().to_vec();
         let rows = states.len() / nx;
         array(py, states, Some(rows), &[nx])
@@ -326,7 +326,7 @@ impl Nmpc {
     #[getter]
     fn planned_inputs<'py>(&self, py: Python<'py>) -> PyResult<Array<'py>> {
         let controller = self.lock();
-        let (plan, nu) = (controller.nmpc().plan(), controller.nmpc().model().dims().nu);
+        let (plan, nu) = (controller.plan(), controller.nmpc().model().dims().nu);
         let inputs = plan.inputs().to_vec();
         let rows = inputs.len() / nu;
         array(py, inputs, Some(rows), &[nu])

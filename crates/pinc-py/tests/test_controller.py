@@ -209,6 +209,23 @@ def test_controllers_are_pickled_with_their_state(smoke: Path, model: pinc.Model
     assert np.array_equal(batch.steps(*given).u, other.steps(*given).u)
 
 
+def test_the_plan_is_that_of_the_last_step_where_the_next_is_prepared(smoke: Path) -> None:
+    real_time = {"control.sqp.real_time": True}
+    controller = pinc.Nmpc(smoke, only="rk4", overrides=real_time)
+    batch = pinc.NmpcBatch(smoke, only="rk4", overrides=real_time)
+    model = pinc.Plant(smoke).model("rk4")
+    step = controller.step([0.5, 0.1], [0.1, 0.0])
+    assert np.array_equal(controller.planned_inputs[0], step.u)
+    planned = batch.steps([[0.5, 0.1]], [0.1, 0.0]).inputs[0]
+    assert np.abs(controller.planned_inputs - planned).max() < 1e-9
+    next_state = model.step([0.5, 0.1], step.u)
+    assert np.abs(controller.predicted_states[0] - next_state).max() < 0.05
+    with pytest.raises(pinc.InputError, match="real_time"):
+        controller.adjoint([1.0])
+    controller.reset()
+    assert not controller.planned_inputs.any()
+
+
 def test_a_number_is_a_vector_of_one(model: pinc.Model) -> None:
     assert np.array_equal(model.step([0.5, 0.1], 0.2), model.step([0.5, 0.1], [0.2]))
     tank = pinc.Nmpc(CONFIGS / "smoke" / "rk4-only.toml")

@@ -10,7 +10,7 @@ use crate::RunError;
 use crate::clock::Deadline;
 use pinc_config::{ControlSpec, Experiment, ModelKind, Variables, sha256};
 use pinc_estimate::{Augmentation, Estimator, EstimatorStatus, SteadyTarget, state_covariance};
-use pinc_mpc::{BoundSchedule, Memory, Nmpc, Reference, SqpStatus, Trust};
+use pinc_mpc::{BoundSchedule, Memory, Nmpc, Reference, Solution, SqpStatus, Trust};
 use pinc_ode::DynPlant;
 use pinc_record::{ModelErrorMetrics, OutsideDomain};
 use pinc_sensitivity::Sensitivity;
@@ -21,6 +21,8 @@ use std::time::Instant;
 #[derive(Debug)]
 pub struct LiveController {
     nmpc: Nmpc,
+    /// The plan of the last step, where the controller has moved its own on to prepare the next.
+    pub(super) made: Option<Solution>,
     spec: ControlSpec,
     variables: Variables,
     observer: Option<LiveEstimator>,
@@ -153,6 +155,7 @@ impl LiveController {
             variables: Variables::of(&*chosen.plant),
             spec: spec.clone(),
             nmpc,
+            made: None,
             done: 0,
         };
         live.reset()?;
@@ -166,6 +169,7 @@ impl LiveController {
     /// [`RunError`] if `control.initial_input` does not suit the controller.
     pub fn reset(&mut self) -> Result<(), RunError> {
         self.nmpc.reset();
+        self.made = None;
         if let Some(observer) = &mut self.observer {
             observer.estimator.reset();
         }
@@ -210,12 +214,24 @@ impl LiveController {
         &self.nmpc
     }
 
+    /// The plan of the last step.
+    #[must_use]
+    pub fn plan(&self) -> &Solution {
+        self.made.as_ref().unwrap_or_else(|| self.nmpc.plan())
+    }
+
     /// Differentiates the plan of the last step, as [`Sensitivity::new`].
     ///
     /// # Errors
     ///
-    /// [`RunError`] if `smoothing` is not positive, or inputs are whole numbers.
+    /// [`RunError`] if `smoothing` is not positive, inputs are whole numbers, or the next step has been
+    /// prepared.
     pub fn sensitivity(&mut self, smoothing: Option<f64>) -> Result<Sensitivity<'_>, RunError> {
+        if self.made.is_some() {
+            let problem = "a controller that has prepared its next step, as with control.sqp.real_time, \
+                           cannot differentiate the last; use a batch";
+            return Err(RunError::usage("the plan", problem));
+        }
         Ok(Sensitivity::new(&mut self.nmpc, &self.window, &self.before, smoothing)?)
     }
 
@@ -331,6 +347,7 @@ impl LiveController {
         if let Some(us) = budget_us.filter(|us| !(*us > 0.0 && us.is_finite())) {
             return Err(argument("budget_us", us, "a positive time in us"));
         }
+        self.made = None;
         self.write_window(follow);
         let clock = Instant::now();
         let deadline = budget_us.map(|us| Deadline::in_seconds(1e-6 * us));
@@ -388,6 +405,9 @@ impl LiveController {
 
     /// Does what can be done of the next step before its measurement is there.
     pub fn prepare(&mut self) {
+        if self.nmpc.config().real_time && self.made.is_none() {
+            self.made = Some(self.nmpc.plan().clone());
+        }
         self.nmpc.prepare();
     }
 

@@ -88,6 +88,7 @@ impl LiveController {
         let numbers = state.numbers.iter().map(|number| number.unwrap_or(f64::NAN));
         let numbers: Vec<_> = numbers.collect();
         let mut memory = Memory::restore(&numbers);
+        self.made = None;
         self.remember(&mut memory);
         memory.is_complete()
     }
