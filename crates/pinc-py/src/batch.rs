@@ -142,6 +142,11 @@ impl NmpcBatch {
             None => controller.initial_input(),
             Some(u_before) => shared_rows(u_before, "u_before", dims.nu, steps)?,
         };
+        if dims.np == 0 && parameters.is_some_and(|p| !values(p).is_empty()) {
+            let problem = "parameters: the model has none; a net of a family has those of \
+                           control.measured_parameters";
+            return Err(input(problem));
+        }
         let parameters = parameters.map(|p| shared_rows(p, "parameters", dims.np, steps));
         let parameters = parameters.transpose()?.unwrap_or_else(|| problem.parameters.clone());
         Ok(Arguments { x: values(x), reference, u_before, parameters, steps })

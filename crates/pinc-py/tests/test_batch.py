@@ -142,6 +142,8 @@ def test_what_does_not_fit_is_named(smoke: Path, batch: pinc.NmpcBatch) -> None:
         batch.steps([0.1, 0.2], [0.0, 0.0])
     with pytest.raises(pinc.InputError, match="reference: expected 2 numbers"):
         batch.steps(states(3), np.zeros((2, 2)))
+    with pytest.raises(pinc.InputError, match="none.*control.measured_parameters"):
+        batch.steps(states(3), [0.0, 0.0], parameters=[1.0])
     with pytest.raises(pinc.InputError, match="by_inputs"):
         batch.gradients(states(3), [0.0, 0.0], np.zeros((2, 1)))
     with pytest.raises(pinc.InputError, match="smoothing is -1"):
