@@ -226,6 +226,70 @@ def test_the_plan_is_that_of_the_last_step_where_the_next_is_prepared(smoke: Pat
     assert not controller.planned_inputs.any()
 
 
+# A spring under a load, both of which an estimator finds, not in the order of their names.
+SPRING = """
+name = "spring"
+preset = "ours"
+seed = 1
+[plant.expression]
+states = ["x1", "x2"]
+inputs = ["u"]
+parameters = { load = 0.1, k = 1.0 }
+derivatives = { x1 = "x2", x2 = "u - k*x1 - 0.3*x2 + load" }
+[domain]
+state_low = [-3.0, -3.0]
+state_high = [3.0, 3.0]
+input_low = [-2.0]
+input_high = [2.0]
+parameters = { load = [-1.0, 1.0], k = [0.5, 2.0] }
+[control]
+duration_s = 4.0
+models = ["rk4"]
+step_s = 0.2
+initial_state = [1.0, 0.0]
+controlled = ["x1"]
+q = [1.0]
+r = [0.1]
+n2 = 8
+nu = 5
+input_low = [-2.0]
+input_high = [2.0]
+references = [{ start_s = 0.0, value = [0.5] }]
+sqp = { tolerance = 1e-10 }
+"""
+ESTIMATOR = {
+    "kind": "ekf",
+    "process_sd": [0.05, 0.05],
+    "measurement_sd": [0.05, 0.05],
+    "initial_estimate": [1.0, 0.0],
+    "initial_sd": [0.3, 0.3],
+    "parameters": [
+        {"name": "load", "initial": 0.2, "initial_sd": 0.3, "drift_sd": 0.05},
+        {"name": "k", "initial": 1.1, "initial_sd": 0.2, "drift_sd": 0.05},
+    ],
+}
+
+
+def test_derivatives_in_parameters_have_the_order_of_the_unknowns(tmp_path: Path) -> None:
+    config = tmp_path / "spring.toml"
+    config.write_text(SPRING)
+    measured = {"measured": ["x1", "x2"], "noise_sd": [0.01, 0.01]}
+    sets = {"control.estimator": ESTIMATOR, "control.measurement": measured}
+    controller = pinc.Nmpc(config, overrides=sets)
+    step = controller.step([0.9, 0.1])
+    found = controller.adjoint([1.0]).values["parameters"]
+    assert len(found) == len(controller.unknowns) == 2
+
+    def u(unknowns: dict[str, float]) -> float:
+        plain = pinc.Nmpc(config, overrides={"control.parameters": unknowns})
+        return float(plain.step(step.x).u[0])
+
+    estimates = dict(zip(controller.unknowns, step.unknowns))
+    for k, name in enumerate(controller.unknowns):
+        low, high = (u({**estimates, name: estimates[name] + d}) for d in (-1e-4, 1e-4))
+        assert abs(found[k] - (high - low) / 2e-4) < 1e-5, name
+
+
 def test_a_number_is_a_vector_of_one(model: pinc.Model) -> None:
     assert np.array_equal(model.step([0.5, 0.1], 0.2), model.step([0.5, 0.1], [0.2]))
     tank = pinc.Nmpc(CONFIGS / "smoke" / "rk4-only.toml")
