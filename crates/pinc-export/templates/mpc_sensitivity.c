@@ -390,7 +390,7 @@ static pinc_regularity pinc_differentiate_plan(pinc_mpc *m, const PINC_REAL *ref
     pinc_find_sizes(m, s);
     if ((pinc_find_active(m, qp, s, &kink) == 0) ||
         (pinc_solve_conditions(m, qp, reference, s) == 0)) {
-        return PINC_SINGULAR;
+        return (m->kkt <= most) ? PINC_SINGULAR : PINC_NOT_OPTIMAL;
     }
     pinc_read_derivatives(m, qp, s);
     if (!(m->kkt <= most)) {

@@ -49,6 +49,11 @@ impl Program<'_> {
         self.0.sqp.transcription.plain()
     }
 
+    /// Gives a program of [`Program::constants`] the weights of violations that the last step needed.
+    pub fn soften(&self, qp: &mut Qp) {
+        self.0.sqp.soften(qp);
+    }
+
     /// Linearizes the problem at `z` for a reference, `[N2, outputs]`, and the input applied last;
     /// `qp` was made from [`Program::constants`].
     pub fn evaluate(&mut self, z: &[f64], reference: &[f64], u_before: &[f64], qp: &mut Qp) {

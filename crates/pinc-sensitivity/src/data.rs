@@ -228,6 +228,11 @@ impl Layout {
         start + i % (end - start).max(1)
     }
 
+    /// Where the weight of a violation is, if the problem has it.
+    pub(crate) fn penalty(&self, given: Given, i: usize) -> Option<usize> {
+        (!self.range(given).is_empty()).then(|| self.place(given, i))
+    }
+
     /// Where entry (i, k) of Q at stage `j`, from 1 on, is.
     pub(crate) fn q(&self, j: usize, last: bool, i: usize, k: usize) -> Option<usize> {
         let (shape, given) = match last && self.terminal.count > 0 {

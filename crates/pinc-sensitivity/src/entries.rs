@@ -232,8 +232,8 @@ impl Entries {
     fn add_penalties(&mut self, of: &Conditions<'_>) {
         let (dims, at) = (of.qp.dims, Places::new(of.qp.dims));
         for v in 0..dims.all_states() {
+            let Some(given) = of.layout.penalty(Given::StatePenalty, v % dims.nx) else { break };
             let limit = of.limits[v];
-            let given = of.layout.place(Given::StatePenalty, v % dims.nx);
             self.push(at.bounds + v, given, limit.penalty);
             self.push(v, given, -limit.saturated);
         }
@@ -245,8 +245,8 @@ impl Entries {
             let general = (0..dims.general()).map(|i| (Given::ConstraintPenalty, i));
             let all = general.chain(outputs.map(|(output, _)| (Given::OutputPenalty, output)));
             for (row, (given, i)) in all.enumerate().map(|(row, of)| (rows + row, of)) {
+                let Some(given) = of.layout.penalty(given, i) else { continue };
                 let limit = of.limits[first + row];
-                let given = of.layout.place(given, i);
                 self.push(at.rows + row, given, limit.penalty);
                 if limit.saturated != 0.0 {
                     for (place, slope) in row_slopes(of.qp, row) {

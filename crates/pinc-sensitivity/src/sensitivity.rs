@@ -99,6 +99,8 @@ pub struct Sensitivity<'a> {
     limits: Vec<Limit>,
     entries: Entries,
     regularity: Regularity,
+    /// Whether there are derivatives.
+    solved: bool,
 }
 
 /// A plan and what it was made for.
@@ -172,10 +174,11 @@ impl<'a> Sensitivity<'a> {
         let (nmpc, constants) = (program.nmpc(), program.constants());
         let (problem, dims) = (nmpc.problem(), constants.dims);
         // Second derivatives couple states with both inputs beside them.
-        let qp = match constants.s_before.is_empty() {
+        let mut qp = match constants.s_before.is_empty() {
             true => constants.clone().with_end_cost(),
             false => constants.clone(),
         };
+        program.soften(&mut qp);
         Self {
             layout: Layout::new(problem, dims),
             plan: nmpc.plan().clone(),
@@ -185,6 +188,7 @@ impl<'a> Sensitivity<'a> {
             limits: Vec::new(),
             entries: Entries::default(),
             regularity: Regularity::Regular,
+            solved: true,
             program,
         }
     }
@@ -209,7 +213,7 @@ impl<'a> Sensitivity<'a> {
 
     /// Returns by how much the plan and its multipliers change with the numbers that the problem is
     /// given, made from [`Sensitivity::no_change`]. Of a symmetric matrix only the symmetric part
-    /// counts. NaN where the plan is singular.
+    /// counts. NaN where the conditions have no unique solution.
     ///
     /// # Errors
     ///
@@ -219,7 +223,7 @@ impl<'a> Sensitivity<'a> {
         check_finite("change", change.values(), expected)?;
         let dims = self.dims();
         let mut moved = Solution::new(dims);
-        if self.regularity == Regularity::Singular {
+        if !self.solved {
             moved.z.fill(f64::NAN);
             moved.multipliers.parts_mut().into_iter().for_each(|part| part.fill(f64::NAN));
             return Ok(moved);
@@ -242,7 +246,7 @@ impl<'a> Sensitivity<'a> {
 
     /// Returns the gradient of a function of the plan in all numbers that the problem is given,
     /// from its gradient in the planned states and inputs. Missing last numbers of the two count as
-    /// 0. NaN where the plan is singular.
+    /// 0. NaN where the conditions have no unique solution.
     ///
     /// # Shapes
     ///
@@ -261,7 +265,7 @@ impl<'a> Sensitivity<'a> {
         check_gradient("by_states", by_states, dims.all_states())?;
         check_gradient("by_inputs", by_inputs, dims.all_inputs())?;
         let mut gradient = self.no_change();
-        if self.regularity == Regularity::Singular {
+        if !self.solved {
             gradient.values_mut().fill(f64::NAN);
             return Ok(gradient);
         }
@@ -322,8 +326,11 @@ impl<'a> Sensitivity<'a> {
             let multipliers = limit_multipliers(&self.plan.multipliers);
             self.limits = smoothed.linearize(&self.qp, &multipliers).0;
         }
-        if !self.factor(targets) {
-            self.regularity = Regularity::Singular;
+        self.solved = self.factor(targets);
+        if !self.solved {
+            if self.regularity != Regularity::NotOptimal {
+                self.regularity = Regularity::Singular;
+            }
             return;
         }
         let dims = self.dims();

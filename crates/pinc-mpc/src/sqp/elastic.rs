@@ -6,7 +6,7 @@ use crate::SqpStatus;
 use crate::kkt::KktResidual;
 use crate::merit::limits_after;
 use crate::solution::Solution;
-use pinc_qp::{Kind, Row};
+use pinc_qp::{Kind, Qp, Row};
 
 /// The weight of a violation where it cannot be avoided, in terms of the cost's largest slope and
 /// curvature.
@@ -54,6 +54,15 @@ impl Sqp {
                 }
             }
         }
+    }
+
+    /// Gives a program in the plant's units the weights of violations that the last step needed.
+    pub(crate) fn soften(&self, qp: &mut Qp) {
+        let mut found = self.base.multipliers.clone();
+        found.bounds.copy_from_slice(&self.qp.bounds.penalty);
+        found.rows.copy_from_slice(&self.qp.rows.penalty);
+        self.transcription.units.convert(&mut found, true);
+        (qp.bounds.penalty, qp.rows.penalty) = (found.bounds, found.rows);
     }
 
     /// Judges the end by the problem's own hard constraints.

@@ -322,6 +322,24 @@ fn of_the_oscillator_with_bounds_on_states() {
     compare("oscillator, smoothed", &case, Some(1e-3));
 }
 
+/// States from which the bounds cannot be met at first, and are violated as little as possible.
+#[test]
+fn of_the_oscillator_beyond_its_bounds() {
+    let case = Case {
+        problem: NmpcProblem {
+            state_softness: Softness::Exact,
+            weights: Weights::uniform(vec![10.0, 1.0], vec![0.2]),
+            ..van_der_pol()
+        },
+        model: || Box::new(Rk4::new(VanDerPol::default(), 0.5, 4)),
+        cost: None,
+        states: vec![[-1.1, 1.1], [-0.4, 0.4]],
+        references: vec![[-1.0, 1.0], [-0.3, 0.3]],
+    };
+    compare("violated", &case, None);
+    compare("violated, smoothed", &case, Some(1e-3));
+}
+
 /// Inputs held from the third stage on, weights and bounds stage by stage, a softened level.
 #[test]
 fn of_the_tanks_with_increments_and_soft_levels() {

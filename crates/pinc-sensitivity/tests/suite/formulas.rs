@@ -1,7 +1,7 @@
 //! Derivatives of plans against formulas, and points without derivatives.
 
 use crate::support::Linear;
-use pinc_mpc::{Bounds, Nmpc, NmpcProblem, SqpConfig, Weights};
+use pinc_mpc::{Bounds, Nmpc, NmpcProblem, Softness, SqpConfig, Weights};
 use pinc_ode::Dims;
 use pinc_sensitivity::{Given, Regularity, Sensitivity};
 
@@ -71,6 +71,33 @@ fn at_its_bound_an_input_moves_with_the_bound() {
     let stiffness = 5.5;
     let expected = [stiffness / (5.5 + stiffness), 3.0 / (5.5 + stiffness)];
     assert!((by[0] - expected[0]).abs() + (by[1] - expected[1]).abs() < 1e-2, "{by:?}");
+}
+
+/// The first state is outside its bounds whatever the input is: a plan that violates them as little as
+/// possible is a solution where that was allowed, and has the derivatives of one with a penalty.
+#[test]
+fn a_violation_that_is_allowed_has_derivatives() {
+    let gradient = |softness: Softness| {
+        let dims = Dims::new(2, 1);
+        let problem = NmpcProblem {
+            state_bounds: Bounds::new(vec![f64::NEG_INFINITY; 2], vec![0.3, f64::INFINITY]),
+            state_softness: softness,
+            ..NmpcProblem::new(dims, 4, Weights::uniform(vec![1.0, 0.1], vec![0.1]))
+        };
+        let model = Linear { dims, a: vec![1.0, 0.5, 0.0, 1.0], b: vec![0.0, 0.5] };
+        let mut nmpc = Nmpc::new(problem, Box::new(model), SqpConfig::default()).unwrap();
+        nmpc.step(&[0.5, -0.1], &[0.0; 8]).unwrap();
+        let mut of = Sensitivity::new(&mut nmpc, &[0.0; 8], &[0.0], None).unwrap();
+        let gradient = of.adjoint(&[], &[0.0, 0.0, 1.0]).unwrap();
+        (of.regularity(), gradient.get(Given::State).to_vec())
+    };
+    let (listed, expected) = gradient(Softness::Penalty(vec![1e4, 1e4]));
+    let (exact, found) = gradient(Softness::Exact);
+    assert_eq!((listed, exact), (Regularity::Regular, Regularity::Regular));
+    for (found, expected) in found.iter().zip(&expected) {
+        assert!(expected.abs() > 0.1 && (found - expected).abs() < 1e-9, "{found} {expected}");
+    }
+    assert_eq!(gradient(Softness::Hard).0, Regularity::NotOptimal);
 }
 
 /// A plan that is no solution of what is said, and one that is not determined.
