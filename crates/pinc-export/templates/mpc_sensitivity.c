@@ -72,6 +72,50 @@ static PINC_REAL pinc_room_at(const pinc_qp *qp, int row, int upper)
     return (upper != 0) ? qp->output_high[i] : qp->output_low[i];
 }
 
+#if PINC_OUTPUT_ROWS > 0
+/* Where an input is held, an output that depends on it is the same before and after a control step: the
+   other row of output row i, or -1. */
+static int pinc_twin(int i)
+{
+    const int start = pinc_output_start[i];
+    const int other = pinc_output_interval[i] + ((start != 0) ? -1 : 1);
+    int k;
+    if ((other < 0) || (other == PINC_N2) ||
+        (pinc_acting(other) != pinc_acting(pinc_output_interval[i]))) {
+        return -1;
+    }
+    for (k = 0; k < PINC_OUTPUT_ROWS; k++) {
+        if ((pinc_output_number[k] == pinc_output_number[i]) && (pinc_output_start[k] != start) &&
+            (pinc_output_interval[k] == other)) {
+            return k;
+        }
+    }
+    return -1;
+}
+
+static int pinc_near(PINC_REAL a, PINC_REAL b, PINC_REAL margin)
+{
+    return (((a <= b) && (a >= b)) || (pinc_abs(a - b) <= margin)) ? 1 : 0;
+}
+
+/* Whether a row is one with another that has the same limits: the first of them gets the multipliers
+   and penalties of both, the second is left out (-1). */
+static int pinc_join_twins(const pinc_dense *dense, const pinc_qp *qp, int row, PINC_REAL margin,
+                           PINC_REAL *mu, PINC_REAL *penalty)
+{
+    const int first = PINC_LIMITS - PINC_OUTPUT_ROWS;
+    const int twin = (row < first) ? -1 : pinc_twin(row - first);
+    if ((twin < 0) ||
+        (pinc_near(qp->output_low[row - first], qp->output_low[twin], margin) == 0) ||
+        (pinc_near(qp->output_high[row - first], qp->output_high[twin], margin) == 0)) {
+        return 0;
+    }
+    *mu += dense->mu[first + twin];
+    *penalty += dense->penalty[first + twin];
+    return (pinc_output_start[row - first] != 0) ? -1 : 1;
+}
+#endif
+
 /* Finds the active rows; whether their number is possible. */
 static int pinc_find_active(pinc_mpc *m, const pinc_qp *qp, pinc_sensitivity *s, int *kink)
 {
@@ -82,14 +126,24 @@ static int pinc_find_active(pinc_mpc *m, const pinc_qp *qp, pinc_sensitivity *s,
     for (row = 0; row < PINC_LIMITS; row++) {
         const PINC_REAL low = pinc_room_at(qp, row, 0);
         const PINC_REAL high = pinc_room_at(qp, row, 1);
-        const PINC_REAL mu = dense->mu[row];
-        const PINC_REAL size = pinc_abs(mu);
-        const PINC_REAL lacking = dense->penalty[row] - size;
-        const int upper =
-            ((mu > PINC_N(0)) || ((mu >= PINC_N(0)) && (high < -low))) ? 1 : 0;
-        const PINC_REAL room = (upper != 0) ? high : -low;
-        PINC_REAL clear = room;
+        PINC_REAL mu = dense->mu[row];
+        PINC_REAL penalty = dense->penalty[row];
+        PINC_REAL size;
+        PINC_REAL lacking;
+        PINC_REAL room;
+        PINC_REAL clear;
+        int upper;
         int held = 0;
+#if PINC_OUTPUT_ROWS > 0
+        if (pinc_join_twins(dense, qp, row, margin, &mu, &penalty) < 0) {
+            continue;
+        }
+#endif
+        size = pinc_abs(mu);
+        lacking = penalty - size;
+        upper = ((mu > PINC_N(0)) || ((mu >= PINC_N(0)) && (high < -low))) ? 1 : 0;
+        room = (upper != 0) ? high : -low;
+        clear = room;
         pinc_normal(dense, row, dense->z);
         if (!(pinc_largest(dense->z, PINC_INPUTS) > PINC_N(0))) {
             continue;

@@ -19,7 +19,7 @@ pub(crate) struct Limit {
 }
 
 impl Limit {
-    const INACTIVE: Self =
+    pub(crate) const INACTIVE: Self =
         Self { compliance: f64::INFINITY, high: 0.0, low: 0.0, penalty: 0.0, saturated: 0.0 };
     const AT_HIGH: Self = Self { compliance: 0.0, high: 1.0, ..Self::INACTIVE };
     const AT_LOW: Self = Self { compliance: 0.0, low: 1.0, ..Self::INACTIVE };

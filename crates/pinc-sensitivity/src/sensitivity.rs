@@ -298,19 +298,26 @@ impl<'a> Sensitivity<'a> {
         let (qp, multipliers, residual) = self.program.judge(&self.qp, &self.plan);
         let tolerance = self.program.nmpc().config().tolerance;
         let margin = MARGIN * tolerance;
-        let multipliers = limit_multipliers(&multipliers);
+        let mut judged: Vec<_> = rows(&qp).zip(limit_multipliers(&multipliers)).collect();
+        let twins = join_twins(qp.dims, &mut judged, margin);
         let mut kink = None;
         self.limits.clear();
-        for (i, (row, mu)) in rows(&qp).zip(multipliers).enumerate() {
+        for (i, &(row, mu)) in judged.iter().enumerate() {
             let (mut limit, side) = Limit::of(row, mu, margin);
             let place = place(qp.dims, i);
             if place.0 == Kind::Row && !has_unknowns(&qp, place.1) {
-                limit = Limit::of([f64::NEG_INFINITY, f64::INFINITY, f64::INFINITY], 0.0, 0.0).0;
+                limit = Limit::INACTIVE;
             } else if let Some(upper) = side {
                 let (kind, index) = place;
                 kink = kink.or(Some(self.program.name(Row { kind, index, upper })));
             }
             self.limits.push(limit);
+        }
+        for (row, twin) in twins {
+            // Both are violated, at a weight each.
+            if self.limits[twin].saturated != 0.0 {
+                self.limits[row] = self.limits[twin];
+            }
         }
         self.regularity = if residual.max() > 10.0 * tolerance {
             Regularity::NotOptimal
@@ -503,6 +510,31 @@ fn place(dims: OcpDims, i: usize) -> (Kind, usize) {
             Some(row) => (Kind::Row, row),
         },
     }
+}
+
+/// Where an input is held, an output that depends on it is the same before and after a control step:
+/// of two such rows with the same limits the first gets the multipliers and penalties of both, and the
+/// second, whose places are returned, no limits.
+fn join_twins(dims: OcpDims, judged: &mut [([f64; 3], f64)], margin: f64) -> Vec<(usize, usize)> {
+    let same = |a: f64, b: f64| a.total_cmp(&b).is_eq() || (a - b).abs() <= margin;
+    let first = dims.unknowns() + dims.all_inputs();
+    let mut twins = Vec::new();
+    for j in dims.stages_with_rows().skip(1) {
+        let (end, start) = (dims.rows_at_end(j - 1), dims.rows_at_start(j));
+        if end.input != start.input {
+            continue;
+        }
+        for (twin, row) in end.rows.zip(start.rows).map(|(twin, row)| (first + twin, first + row)) {
+            let ([low, high, penalty], mu) = judged[row];
+            if same(low, judged[twin].0[0]) && same(high, judged[twin].0[1]) {
+                judged[twin].0[2] += penalty;
+                judged[twin].1 += mu;
+                judged[row] = ([f64::NEG_INFINITY, f64::INFINITY, f64::INFINITY], 0.0);
+                twins.push((row, twin));
+            }
+        }
+    }
+    twins
 }
 
 /// Whether a row depends on the unknowns: outputs at the measured state may not.

@@ -3,7 +3,7 @@
 use super::compile::READ;
 use super::controller::{Case, Draws, oscillator_case, tanks_case};
 use super::variants::{in_odd_units, tracking};
-use pinc_mpc::{Bounds, SqpStatus, Weights};
+use pinc_mpc::{Bounds, SqpStatus, Tracked, Weights};
 use pinc_sensitivity::{Given, Regularity, Sensitivity};
 
 /// Reads per step: state, the input before, and reference. Writes the status, the regularity, the
@@ -133,8 +133,17 @@ fn derivatives_are_the_librarys() {
         case.problem.weights = Weights::uniform(vec![3.0, 10.0], vec![1.0, 2.0]);
         case
     };
+    // Where the input is held, the force is the same before and after a control step.
+    let held = || {
+        let mut case = tracking();
+        case.problem.control_horizon = 2;
+        case.problem.tracked = vec![Tracked::Output(1), Tracked::State(1)];
+        case.problem.output_bounds = Some(Bounds::new(vec![-9.0, -0.4, -9.0], vec![9.0, 0.4, 9.0]));
+        case
+    };
     for (i, (case, points)) in [
         (oscillator_case(), 400),
+        (held(), 400),
         (unbounded(), 40),
         (delayed(), 400),
         (in_odd_units(), 400),

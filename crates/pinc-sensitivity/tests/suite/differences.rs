@@ -471,6 +471,15 @@ fn of_outputs_that_are_tracked_and_bounded() {
     };
     compare("outputs", &case, None);
     compare("outputs, smoothed", &case, Some(1e-3));
+    // Where the input is held, the second output is the same before and after a control step.
+    let mut held = case;
+    held.problem.control_horizon = 2;
+    held.problem.output_bounds = Some(Bounds::new(vec![-9.0, -0.5], vec![9.0, 0.3]));
+    held.references = vec![[-1.0, 1.0], [0.5, 1.5]];
+    for softness in [Softness::Hard, Softness::Penalty(vec![4.0, 6.0])] {
+        held.problem.output_softness = softness;
+        compare("held outputs", &held, None);
+    }
 }
 
 /// x1^2 + x2^2 + u^2 <= 1 and a cost of its own, whose Hessian is not the exact one.
