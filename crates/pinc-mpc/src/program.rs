@@ -85,6 +85,13 @@ impl Program<'_> {
         (horizon.at(stage), parameters)
     }
 
+    /// Returns the units of the optimization, as multiples of the plant's own: those of the bounds on z,
+    /// of the increments and of all rows, and that of the cost.
+    #[must_use]
+    pub fn units(&self) -> (Vec<f64>, f64) {
+        self.0.sqp.transcription.units.of_limits()
+    }
+
     /// Linearizes the models of all stages, each at its own point.
     pub fn linearize(&mut self, at: Stages<'_>, out: Linearization<'_>) {
         self.0.horizon.linearize(0..usize::MAX, at, out, &mut || false);

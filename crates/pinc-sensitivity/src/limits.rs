@@ -2,6 +2,9 @@
 
 use pinc_qp::{Limits, Qp};
 
+/// A smoothed plan is found when a step moves it by this part of its size.
+const SMOOTH_ENOUGH: f64 = 1e-10;
+
 /// How a row's value and its multiplier move together:
 ///
 /// ```text
@@ -52,6 +55,9 @@ impl Limit {
 #[derive(Debug)]
 pub(crate) struct Smoothed {
     tau: f64,
+    /// The units of the rows, in which their values are ordinary numbers, and that of the cost.
+    units: Vec<f64>,
+    cost: f64,
     /// The lower and the upper side of bounds, increments and rows.
     sides: Vec<[Side; 2]>,
 }
@@ -85,6 +91,25 @@ struct Linear {
     offset: f64,
 }
 
+/// In which numbers the conditions of a row are written, so that Newton's steps do not depend on its unit.
+#[derive(Clone, Copy, Debug)]
+struct Scale {
+    tau: f64,
+    unit: f64,
+    cost: f64,
+}
+
+impl Scale {
+    /// The condition multiplier times distance = tau, with its derivatives.
+    fn complementarity(self, multiplier: f64, distance: f64) -> [f64; 3] {
+        let Self { tau, unit, cost } = self;
+        let per_multiplier = unit / cost;
+        let [value, by_a, by_b] =
+            complementarity(multiplier * per_multiplier, distance / unit, tau / cost);
+        [value, by_a * per_multiplier, by_b / unit]
+    }
+}
+
 /// The function of Chen, Harker, Kanzow and Smale with its derivatives.
 fn complementarity(a: f64, b: f64, tau: f64) -> [f64; 3] {
     let difference = a - b;
@@ -99,15 +124,16 @@ fn complementarity(a: f64, b: f64, tau: f64) -> [f64; 3] {
 }
 
 impl Side {
-    fn linearize(self, room: f64, penalty: f64, tau: f64) -> Linear {
+    fn linearize(self, room: f64, penalty: f64, scale: Scale) -> Linear {
         if room.is_infinite() {
             return Linear::default();
         }
-        let [value, by_mu, by_s] = complementarity(self.mu, room + self.violation, tau);
+        let [value, by_mu, by_s] = scale.complementarity(self.mu, room + self.violation);
         if penalty.is_infinite() {
             return Linear { stiffness: by_s / by_mu, rest: value / by_mu, ..Linear::default() };
         }
-        let [lack, by_lack, by_violation] = complementarity(penalty - self.mu, self.violation, tau);
+        let [lack, by_lack, by_violation] =
+            scale.complementarity(penalty - self.mu, self.violation);
         // dviolation = (by_lack (dmu - dpenalty) - lack) / by_violation
         let (slope, offset) = (by_lack / by_violation, lack / by_violation);
         let total = by_mu + by_s * slope;
@@ -121,21 +147,26 @@ impl Side {
     }
 
     /// The residuals, squared.
-    fn residual(self, room: f64, penalty: f64, tau: f64) -> f64 {
+    fn residual(self, room: f64, penalty: f64, scale: Scale) -> f64 {
         if room.is_infinite() {
             return 0.0;
         }
-        let hard = complementarity(self.mu, room + self.violation, tau)[0].powi(2);
+        let hard = scale.complementarity(self.mu, room + self.violation)[0].powi(2);
         match penalty.is_infinite() {
             true => hard,
-            false => hard + complementarity(penalty - self.mu, self.violation, tau)[0].powi(2),
+            false => hard + scale.complementarity(penalty - self.mu, self.violation)[0].powi(2),
         }
     }
 }
 
 impl Smoothed {
-    /// Begins at a solution with these multipliers of bounds, increments and rows.
-    pub(crate) fn new(qp: &Qp, multipliers: &[f64], tau: f64) -> Self {
+    /// Begins at a solution with these multipliers of bounds, increments and rows, in these units.
+    pub(crate) fn new(
+        qp: &Qp,
+        multipliers: &[f64],
+        tau: f64,
+        (units, cost): (Vec<f64>, f64),
+    ) -> Self {
         let side = |mu: f64, room: f64, penalty: f64| Side {
             mu: mu.max(0.0),
             violation: if penalty.is_finite() { (-room).max(0.0) } else { 0.0 },
@@ -143,45 +174,38 @@ impl Smoothed {
         let rows = rows(qp).zip(multipliers);
         let sides = rows
             .map(|([low, high, penalty], &mu)| [side(-mu, -low, penalty), side(mu, high, penalty)]);
-        Self { tau, sides: sides.collect() }
+        Self { tau, units, cost, sides: sides.collect() }
     }
 
     /// How the rows move, and their right-hand sides in a step towards the smoothed solution.
     pub(crate) fn linearize(&self, qp: &Qp, multipliers: &[f64]) -> (Vec<Limit>, Vec<f64>) {
-        let rows = rows(qp).zip(&self.sides).zip(multipliers);
-        rows.map(|((row, sides), &mu)| self.limit(row, *sides, mu)).unzip()
+        let rows = rows(qp).zip(self.scales()).zip(&self.sides).zip(multipliers);
+        rows.map(|(((row, scale), sides), &mu)| limit(row, scale, *sides, mu)).unzip()
     }
 
-    fn limit(&self, [low, high, penalty]: [f64; 3], sides: [Side; 2], mu: f64) -> (Limit, f64) {
-        if high <= low {
-            let at = if mu > 0.0 { Limit::AT_HIGH } else { Limit::AT_LOW };
-            return (at, high);
-        }
-        let [lower, upper] = self.both([low, high, penalty], sides);
-        let stiffness = lower.stiffness + upper.stiffness;
-        if stiffness <= 0.0 {
-            return (Limit::INACTIVE, 0.0);
-        }
-        let limit = Limit {
-            compliance: 1.0 / stiffness,
-            high: upper.stiffness / stiffness,
-            low: lower.stiffness / stiffness,
-            penalty: (lower.by_penalty - upper.by_penalty) / stiffness,
-            saturated: 0.0,
-        };
-        (limit, (upper.rest - lower.rest) / stiffness)
+    /// The slopes of the Lagrangian by the unknowns, and the defects, in these units: unknowns have those of
+    /// their bounds, which are the first rows, and defects those of the states, which are the first unknowns.
+    pub(crate) fn in_units(&self, slopes: &[f64], defects: &[f64]) -> impl Iterator<Item = f64> {
+        let slopes = slopes.iter().zip(&self.units).map(|(slope, unit)| slope * unit / self.cost);
+        slopes.chain(defects.iter().zip(&self.units).map(|(defect, unit)| defect / unit))
     }
 
-    fn both(&self, [low, high, penalty]: [f64; 3], sides: [Side; 2]) -> [Linear; 2] {
-        let [lower, upper] = sides;
-        [lower.linearize(-low, penalty, self.tau), upper.linearize(high, penalty, self.tau)]
+    /// Whether a step is small beside the plan.
+    pub(crate) fn is_small(&self, z: &[f64], step: &[f64]) -> bool {
+        let steps = z.iter().zip(step).zip(&self.units);
+        steps.into_iter().all(|((z, step), unit)| step.abs() <= SMOOTH_ENOUGH * (unit + z.abs()))
+    }
+
+    fn scales(&self) -> impl Iterator<Item = Scale> {
+        let Self { tau, cost, .. } = *self;
+        self.units.iter().map(move |&unit| Scale { tau, unit, cost })
     }
 
     /// The step of all sides, where the rows' values change by `moves`.
     pub(crate) fn step(&self, qp: &Qp, moves: &[f64]) -> Vec<[Side; 2]> {
-        let rows = rows(qp).zip(&self.sides).zip(moves);
-        let step = |(([low, high, penalty], sides), change): (([f64; 3], &[Side; 2]), &f64)| {
-            let linear = self.both([low, high, penalty], *sides);
+        let rows = rows(qp).zip(self.scales()).zip(&self.sides).zip(moves);
+        let step = |(((row, scale), sides), change): ((_, &[Side; 2]), &f64)| {
+            let linear = both(row, scale, *sides);
             let [lower, upper] = [(linear[0], -change), (linear[1], *change)];
             [lower, upper].map(|(linear, change)| {
                 let mu = linear.stiffness * change - linear.rest;
@@ -199,7 +223,7 @@ impl Smoothed {
         };
         let sides = self.sides.iter().zip(step);
         let sides = sides.map(|(at, step)| [along(at[0], step[0]), along(at[1], step[1])]);
-        Self { tau: self.tau, sides: sides.collect() }
+        Self { units: self.units.clone(), sides: sides.collect(), ..*self }
     }
 
     /// Writes the multipliers of inequalities.
@@ -213,15 +237,43 @@ impl Smoothed {
 
     /// The squared residuals of all rows.
     pub(crate) fn residual(&self, qp: &Qp) -> f64 {
-        let rows = rows(qp).zip(&self.sides);
-        let of = |([low, high, penalty], [lower, upper]): ([f64; 3], &[Side; 2])| {
-            if high <= low {
-                return high * high;
-            }
-            lower.residual(-low, penalty, self.tau) + upper.residual(high, penalty, self.tau)
-        };
+        let rows = rows(qp).zip(self.scales()).zip(&self.sides);
+        let of =
+            |(([low, high, penalty], scale), [lower, upper]): (([f64; 3], Scale), &[Side; 2])| {
+                if high <= low {
+                    return (high / scale.unit).powi(2);
+                }
+                lower.residual(-low, penalty, scale) + upper.residual(high, penalty, scale)
+            };
         rows.map(of).sum()
     }
+}
+
+fn both([low, high, penalty]: [f64; 3], scale: Scale, sides: [Side; 2]) -> [Linear; 2] {
+    let [lower, upper] = sides;
+    [lower.linearize(-low, penalty, scale), upper.linearize(high, penalty, scale)]
+}
+
+/// How a row moves, and its right-hand side.
+fn limit(row: [f64; 3], scale: Scale, sides: [Side; 2], mu: f64) -> (Limit, f64) {
+    let [low, high, _] = row;
+    if high <= low {
+        let at = if mu > 0.0 { Limit::AT_HIGH } else { Limit::AT_LOW };
+        return (at, high);
+    }
+    let [lower, upper] = both(row, scale, sides);
+    let stiffness = lower.stiffness + upper.stiffness;
+    if stiffness <= 0.0 {
+        return (Limit::INACTIVE, 0.0);
+    }
+    let limit = Limit {
+        compliance: 1.0 / stiffness,
+        high: upper.stiffness / stiffness,
+        low: lower.stiffness / stiffness,
+        penalty: (lower.by_penalty - upper.by_penalty) / stiffness,
+        saturated: 0.0,
+    };
+    (limit, (upper.rest - lower.rest) / stiffness)
 }
 
 /// Low, high and penalty of bounds, increments and rows.

@@ -17,9 +17,6 @@ const MARGIN: f64 = 100.0;
 const SMOOTHING_STEPS: usize = 60;
 const HALVINGS: usize = 12;
 
-/// A smoothed plan is found when a step moves it by this part of its size.
-const SMOOTH_ENOUGH: f64 = 1e-10;
-
 /// Whether a plan is a differentiable function of the numbers that its problem is given.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
@@ -378,7 +375,7 @@ impl<'a> Sensitivity<'a> {
         }
         self.regularity = Regularity::Regular;
         let multipliers = limit_multipliers(&self.plan.multipliers);
-        let mut smoothed = Smoothed::new(&self.qp, &multipliers, tau);
+        let mut smoothed = Smoothed::new(&self.qp, &multipliers, tau, self.program.units());
         smoothed.write_to(&self.qp, &mut self.plan.multipliers);
         for _ in 0..SMOOTHING_STEPS {
             match self.smoothing_step(targets, &smoothed) {
@@ -422,7 +419,7 @@ impl<'a> Sensitivity<'a> {
             self.evaluate(targets);
             next.write_to(&self.qp, &mut self.plan.multipliers);
             let after = self.residual(&next);
-            let arrived = halving == 0 && after.is_finite() && small(&base.z, &vector);
+            let arrived = halving == 0 && after.is_finite() && smoothed.is_small(&base.z, &vector);
             if after <= before || arrived {
                 return Some((next, arrived));
             }
@@ -435,8 +432,8 @@ impl<'a> Sensitivity<'a> {
     fn residual(&self, smoothed: &Smoothed) -> f64 {
         let mut gradient = vec![0.0; self.dims().unknowns()];
         self.qp.lagrangian_gradient(&self.plan.multipliers, &mut gradient);
-        let squares = gradient.iter().chain(&self.qp.c).map(|value| value * value);
-        squares.sum::<f64>() + smoothed.residual(&self.qp)
+        let scaled = smoothed.in_units(&gradient, &self.qp.c);
+        scaled.map(|value| value * value).sum::<f64>() + smoothed.residual(&self.qp)
     }
 
     /// By how much the values of bounds, increments and rows change.
@@ -482,11 +479,6 @@ impl Smoothed {
         self.write(qp, &mut limits);
         set_limits(multipliers, &limits);
     }
-}
-
-/// Whether a step is small beside the plan.
-fn small(z: &[f64], step: &[f64]) -> bool {
-    z.iter().zip(step).all(|(z, step)| step.abs() <= SMOOTH_ENOUGH * (1.0 + z.abs()))
 }
 
 /// The multipliers of bounds, increments and rows.

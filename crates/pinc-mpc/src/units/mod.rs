@@ -108,6 +108,15 @@ impl Units {
         self.plain
     }
 
+    /// The units of bounds, increments and rows, and that of the cost.
+    pub(crate) fn of_limits(&self) -> (Vec<f64>, f64) {
+        let (dims, inputs) = (self.dims, self.dims.all_inputs());
+        let bounds = (0..dims.unknowns()).map(|v| self.unknown(v));
+        let increments = self.u.iter().cycle().take(inputs).copied();
+        let rows = self.rows.iter().cycle().take(dims.all_rows()).copied();
+        (bounds.chain(increments).chain(rows).collect(), self.cost)
+    }
+
     /// Whether all units are 1.
     pub(crate) fn is_identity(&self) -> bool {
         self.identity

@@ -32,6 +32,33 @@ fn a_step_of_a_linear_plant_has_the_derivatives_of_the_formula() {
     assert!(gradient.get(Given::Parameters).is_empty());
 }
 
+/// A plant whose state is counted in other units, far from its reference and with the input near its bound:
+/// du/dx times the unit, smoothed.
+#[test]
+fn smoothed_derivatives_do_not_depend_on_units() {
+    let derivative = |unit: f64, tau: f64| {
+        let problem = NmpcProblem {
+            input_bounds: Bounds::new(vec![-1.0], vec![0.3]),
+            state_bounds: Bounds::new(vec![-1.0 * unit], vec![0.9 * unit]),
+            ..NmpcProblem::new(Dims::new(1, 1), 6, Weights::uniform(vec![unit.powi(-2)], vec![0.1]))
+        };
+        let model = Linear::scalar(0.9, 0.5 * unit);
+        let mut nmpc = Nmpc::new(problem, Box::new(model), SqpConfig::default()).unwrap();
+        let reference = [0.8 * unit; 6];
+        nmpc.step(&[0.2 * unit], &reference).unwrap();
+        let mut sensitivity = Sensitivity::new(&mut nmpc, &reference, &[0.0], Some(tau)).unwrap();
+        assert_eq!(sensitivity.regularity(), Regularity::Regular, "{unit} {tau}");
+        sensitivity.adjoint(&[], &[1.0]).unwrap().get(Given::State)[0] * unit
+    };
+    for tau in [1e-1, 1e-3, 1e-5] {
+        let expected = derivative(1.0, tau);
+        for unit in [1e-7, 1e-5, 1e5, 1e8] {
+            let found = derivative(unit, tau);
+            assert!((found - expected).abs() < 1e-8, "{unit} {tau}: {found} {expected}");
+        }
+    }
+}
+
 /// The same with the limit u <= h: there u moves with h alone, and the smoothed input goes from one
 /// to the other.
 #[test]
