@@ -121,7 +121,7 @@ impl RunError {
     /// The config's trials lack a metric that is to be minimized.
     #[must_use]
     pub fn unknown_metric(experiment: &Experiment, problem: &UnknownMetric) -> Self {
-        Self::usage(&experiment.name, format!("`{}`: {problem}", problem.key))
+        Self::usage(experiment.source(), format!("`{}`: {problem}", problem.key))
     }
 
     /// The closed loop of the config `name` lacks the requested model.

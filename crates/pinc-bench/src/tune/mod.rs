@@ -106,7 +106,7 @@ fn base(experiment: &Experiment, only: Option<ModelKind>) -> Result<Experiment, 
     if control.models == [ModelKind::Policy] {
         let problem = "`pinc tune` changes a controller, and the model \"policy\" is a net in its \
                        place: name another of control.models with --only";
-        return Err(RunError::usage(&experiment.name, problem));
+        return Err(RunError::usage(experiment.source(), problem));
     }
     if !control.models.contains(&ModelKind::Pinc) {
         (control.error_tolerance, control.on_error) = Default::default();
@@ -150,12 +150,12 @@ impl Session<'_> {
         let total = spec.candidates as u64;
         let mut stage = Stage::begin(self.options.verbosity, "tune", total);
         let written = self.trials(&Candidate::new()).map_err(|problem| {
-            RunError::usage(&self.base.name, format!("`tune.draws`: {problem}"))
+            RunError::usage(self.base.source(), format!("`tune.draws`: {problem}"))
         })?;
         let results = self.run(&[written])?.concat();
         if let Some(name) = cost.missing(&self.base, &results) {
             let problem = format!("`tune.cost`: the loops have no metric `{name}`; name others");
-            return Err(RunError::usage(&self.base.name, problem));
+            return Err(RunError::usage(self.base.source(), problem));
         }
         cost.set_scales(&results);
         let mut tried = vec![(Candidate::new(), cost.score(&self.base, &results))];
@@ -205,7 +205,7 @@ impl Session<'_> {
         stage.end(&format!("{total} candidates, cost {}", tried[best].1));
         if refused.len() == spec.candidates {
             let problem = format!("`tune.ranges`: the config admits no candidate: {}", refused[0]);
-            return Err(RunError::usage(&self.base.name, problem));
+            return Err(RunError::usage(self.base.source(), problem));
         }
         Ok((Search { cost, candidates: tried, refused }, best))
     }
@@ -261,7 +261,7 @@ impl Session<'_> {
     ) -> Result<PathBuf, RunError> {
         let (values, score) = &tried[best];
         let mut tuned = experiment.with_candidate(values).map_err(|(key, problem)| {
-            RunError::usage(&experiment.name, format!("`{key}`: {problem}"))
+            RunError::usage(experiment.source(), format!("`{key}`: {problem}"))
         })?;
         tuned.name += "-tuned";
         let mut text = format!(
@@ -285,7 +285,7 @@ impl Session<'_> {
         let experiment = self.base.tuning(cases, true).expect("the section [tune] is there");
         let dir = self.run_dir.path(HELD_OUT);
         let all = trials(&experiment).map_err(|(key, problem)| {
-            RunError::usage(&self.base.name, format!("`{key}`: {problem}"))
+            RunError::usage(self.base.source(), format!("`{key}`: {problem}"))
         })?;
         let of = |name: &str| -> Vec<Trial> {
             let own = all.iter().filter(|trial| trial.cells.iter().any(|cell| cell == name));

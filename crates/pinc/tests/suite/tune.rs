@@ -122,7 +122,11 @@ fn what_cannot_be_tuned_is_refused() {
         ("parameters.rate\", low", "parameters.rat\", low", &["tune", "rat"]),
         ("candidates = 24", "candidates = 0", &["tune.candidates", "from 1 to 100000"]),
         ("candidates = 24", "cost = { iae = -1.0 }", &["tune.cost.iae", "0 or more"]),
-        ("candidates = 24", "cost = { speed = 1.0 }", &["tune.cost", "\"speed\"", "iae_dense_sum"]),
+        (
+            "candidates = 24",
+            "cost = { speed = 1.0 }",
+            &["lag.toml: `tune.cost`", "\"speed\"", "iae_dense_sum"],
+        ),
     ] {
         let text = LAG.replace(from, to);
         assert_ne!(text, LAG);
