@@ -17,8 +17,10 @@ const ORDINARY: [f64; 2] = [0.0625, 1024.0];
 /// The cost keeps its unit if the geometric mean of its largest and least weight is between these.
 const ORDINARY_WEIGHT: [f64; 2] = [1e-3, 1e6];
 
-/// A unit that follows the state is made smaller again when the state is below this part of it.
+/// A unit that follows the state is made smaller again when the state is below this part of it, ..
 const SMALL: f64 = 0.25;
+/// .. and smaller than 1 when the state and its reference are below this one.
+const VERY_SMALL: f64 = 1.0 / 4096.0;
 
 /// Units for states, inputs and rows such that these are numbers of ordinary size, and one for the
 /// cost: tolerances are absolute, and mean the same whatever the units of the plant.
@@ -364,7 +366,8 @@ fn divide_blocks(blocks: &mut [f64], units: &[f64]) {
 /// Makes a unit fit a quantity of this size; whether it changed. The quantity may be near 0 at times, and
 /// so is small only if a reference says so.
 fn fit(current: &mut f64, size: f64, referred: bool) -> bool {
-    let small = size < SMALL * *current && (*current > 1.0 || referred);
+    let small =
+        *current > 1.0 && size < SMALL * *current || referred && size < VERY_SMALL * *current;
     if !size.is_finite() || !small && size <= ORDINARY[1] * *current {
         return false;
     }
