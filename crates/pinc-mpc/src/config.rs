@@ -93,7 +93,7 @@ impl SqpHessian {
 pub struct SqpConfig {
     /// The largest KKT residual ([`KktResidual`](crate::KktResidual)) that counts as converged.
     pub tolerance: f64,
-    /// The largest number of QPs that a control step solves.
+    /// The most QPs that a control step solves, with the iterations of a barrier method where QPs are slow.
     pub max_iterations: usize,
     /// Whether each control step solves one QP only, prepared before the state is measured: the
     /// real-time iteration of Diehl et al. (2002).

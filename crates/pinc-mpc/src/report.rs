@@ -14,7 +14,7 @@ pub struct StepReport<'a> {
     pub u: &'a [f64],
     /// How the optimization ended.
     pub status: SqpStatus,
-    /// How many QPs were solved.
+    /// How many QPs were solved, and iterations of the barrier method taken.
     pub sqp_iterations: usize,
     /// Other work; work done in [`Nmpc::prepare`](crate::Nmpc::prepare) counts towards the next step.
     pub work: StepWork,

@@ -96,7 +96,7 @@ pub struct LiveStep<'a> {
     pub unknowns: &'a [f64],
     /// How the estimator's correction ended, if there is an estimator.
     pub estimator: Option<EstimatorStatus>,
-    /// How many quadratic programs were solved.
+    /// How many quadratic programs were solved, and iterations of the barrier method taken.
     pub sqp_iterations: usize,
     /// The KKT residual that the optimization ended with.
     pub kkt: f64,

@@ -12,7 +12,7 @@ pub struct StepRow {
     pub step: usize,
     /// How the optimization ended, as [`SqpStatus`] is displayed.
     pub status: String,
-    /// How many quadratic programs were solved.
+    /// How many quadratic programs were solved, and iterations of the barrier method taken.
     pub sqp_iterations: usize,
     /// The largest KKT residual.
     #[serde(serialize_with = "exact")]
