@@ -39,7 +39,7 @@ fn smoothed_derivatives_do_not_depend_on_units() {
     let derivative = |unit: f64, tau: f64| {
         let problem = NmpcProblem {
             input_bounds: Bounds::new(vec![-1.0], vec![0.3]),
-            state_bounds: Bounds::new(vec![-1.0 * unit], vec![0.9 * unit]),
+            state_bounds: Bounds::new(vec![-unit], vec![0.9 * unit]),
             ..NmpcProblem::new(Dims::new(1, 1), 6, Weights::uniform(vec![unit.powi(-2)], vec![0.1]))
         };
         let model = Linear::scalar(0.9, 0.5 * unit);
