@@ -46,7 +46,7 @@ const GAINED: f64 = 0.1;
 const LARGE_MULTIPLIER: f64 = 100.0;
 
 /// A primal-dual barrier method for a nonlinear program that is given by its linearizations, with the
-/// Hessian of its Lagrangian. With the slacks of [`Side`], t and for soft rows e,
+/// Hessian of its Lagrangian. With slacks t of all limits, and e of soft ones,
 ///
 /// ```text
 /// min  J + sum (penalty e - tau log t - tau log e)    s.t.    dynamics,  s C(z) + t - e = s bound
