@@ -212,7 +212,8 @@ impl Curvature {
         for (i, size) in self.sizes.iter_mut().enumerate() {
             *size = units.of_stage(i);
             if units.has_unknown_size(i) {
-                *size = largest_on_plan(dims, [at.x0, z], i).clamp(LEAST_SIZE, *size);
+                // A unit may be below the least size.
+                *size = largest_on_plan(dims, [at.x0, z], i).max(LEAST_SIZE).min(*size);
             }
         }
     }
