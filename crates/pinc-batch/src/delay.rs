@@ -17,6 +17,9 @@ pub(crate) fn add_prediction(
     gradient: &mut ProblemDerivative,
 ) {
     let (dims, delay) = (nmpc.model().dims(), nmpc.problem().delay);
+    if delay == 0 {
+        return;
+    }
     let mut program = nmpc.program();
     let (model, p) = program.model(0);
     let mut states = vec![x.to_vec()];
@@ -28,7 +31,7 @@ pub(crate) fn add_prediction(
     let mut room = LinearizationBuffer::new(dims, 1);
     let (mut by_x, mut by_u, mut by_p) =
         (vec![0.0; dims.nx], vec![0.0; dims.nu], vec![0.0; dims.np]);
-    for x in states[..delay].iter().rev() {
+    for x in states.iter().rev() {
         let out = Gradients { x: &mut by_x, u: &mut by_u, p: &mut by_p };
         room.gradients(model, Stages { x, u: u_before, p }, gradient.get(Given::State), out);
         gradient.get_mut(Given::State).copy_from_slice(&by_x);
