@@ -52,6 +52,21 @@ impl Sqp {
         self.project(plan, previous);
     }
 
+    /// Linearizes at `plan`, into the trial QP, unless `expired` says before that the time is up; gives the
+    /// cost.
+    #[inline(always)]
+    pub(super) fn linearize_trial(
+        &mut self,
+        model: &mut Horizon,
+        input: StepInput<'_>,
+        plan: &Solution,
+        expired: &mut dyn FnMut() -> bool,
+    ) -> Option<f64> {
+        let (StepInput { x0, targets }, qp) = (input, &mut self.trial);
+        let linearized = self.transcription.linearize(model, [x0, &plan.z], qp, expired);
+        linearized.then(|| self.transcription.measure(x0, &plan.z, targets, qp))
+    }
+
     /// Sets the plan `length` of the step away from the base, the step being in other units.
     #[inline(never)]
     fn move_in_units(&self, plan: &mut Solution, length: f64) {

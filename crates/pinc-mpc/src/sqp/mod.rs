@@ -81,7 +81,8 @@ pub(crate) struct Sqp {
     exact: [bool; 3],
     /// Whether hard constraints are soft for now.
     elastic: bool,
-    /// Where the exact Hessian may be taken.
+    /// Where the exact Hessian may be taken, and from one start only: a barrier leads several starts to
+    /// the same minimum.
     interior: Option<Interior>,
 }
 
@@ -346,8 +347,7 @@ impl Sqp {
         let (mut curvature_dropped, always) = (false, self.transcription.leaves_out_hessian());
         self.hessian = HessianChoice::of(self.config.hessian, always);
         self.settled = false;
-        // Several starts want to end in several minima; a barrier comes from the middle to one.
-        let possible = self.config.starts == 1 && !self.transcription.is_tightened();
+        let possible = !self.transcription.is_tightened();
         self.interior.iter_mut().for_each(|interior| interior.begin(possible));
         let status = loop {
             if let Some(status) = self.check_termination(point.kkt, iterations) {
@@ -560,13 +560,8 @@ impl Sqp {
         plan: &Solution,
         expired: &mut dyn FnMut() -> bool,
     ) -> Option<Point> {
-        let StepInput { x0, targets } = input;
-        let qp = &mut self.trial;
-        if !self.transcription.linearize(model, [x0, &plan.z], qp, expired) {
-            return None;
-        }
-        let cost = self.transcription.measure(x0, &plan.z, targets, qp);
-        Some(Point { kkt: KktResidual::with_cost(cost, qp, plan, &mut self.work), cost })
+        let cost = self.linearize_trial(model, input, plan, expired)?;
+        Some(Point { kkt: KktResidual::with_cost(cost, &self.trial, plan, &mut self.work), cost })
     }
 
     fn accept_trial(&mut self, length: f64) {

@@ -2,7 +2,7 @@
 
 use super::newton::{Newton, stiffness};
 use super::rows::Rows;
-use super::side::Side;
+use super::side::{Side, add_up, gather};
 use crate::algebra::largest;
 use crate::{FARTHEST, Qp, QpWork};
 
@@ -83,7 +83,7 @@ impl InteriorPoint {
             true => STIFFNESS * stiffness(qp),
             false => self.constant_stiffness,
         };
-        self.gather(qp);
+        gather(qp, 1.0 / self.stiffness, &mut self.sides, &mut self.equalities);
         if !self.begin(qp, at, expired) {
             return Ending::Failed;
         }
@@ -111,22 +111,6 @@ impl InteriorPoint {
                 list[side.row] = side.sign * side.penalty;
             } else if side.mu > side.t {
                 list[side.row] = side.sign * side.mu.min(0.5 * side.penalty);
-            }
-        }
-    }
-
-    fn gather(&mut self, qp: &Qp) {
-        self.sides.clear();
-        self.equalities.clear();
-        for (row, [low, high, penalty]) in Rows::limits(qp).enumerate() {
-            if low >= high && penalty.is_infinite() {
-                self.equalities.push((row, high));
-                continue;
-            }
-            for (sign, limit) in [(1.0, high), (-1.0, low)] {
-                if limit.is_finite() {
-                    self.sides.push(Side::new(row, sign, limit, penalty, 1.0 / self.stiffness));
-                }
             }
         }
     }
@@ -170,21 +154,11 @@ impl InteriorPoint {
                 side.e = side.mu * side.t / side.nu();
             }
         }
-        self.collect(at);
+        add_up(&self.sides, &mut at.mu);
         for &(row, bound) in &self.equalities {
             at.mu[row] = self.stiffness * (at.moved[row] - bound);
         }
         true
-    }
-
-    /// Adds up the multipliers of the sides.
-    fn collect(&self, at: &mut Newton) {
-        for side in &self.sides {
-            at.mu[side.row] = 0.0;
-        }
-        for side in &self.sides {
-            at.mu[side.row] += side.sign * side.mu;
-        }
     }
 
     fn residuals(&mut self, qp: &Qp, at: &mut Newton) {
@@ -274,7 +248,7 @@ impl InteriorPoint {
         for &(row, bound) in &self.equalities {
             at.mu[row] += alpha * self.stiffness * (at.moved[row] + at.values[row] - bound);
         }
-        self.collect(at);
+        add_up(&self.sides, &mut at.mu);
         true
     }
 

@@ -1,4 +1,7 @@
-//! A limit of a row with its slack, as interior-point methods see it.
+//! The limits of rows with their slacks, as interior-point methods see them.
+
+use super::rows::Rows;
+use crate::Qp;
 
 /// The part of its penalty that a soft row's multiplier begins with at most.
 const MOST: f64 = 0.99;
@@ -137,4 +140,32 @@ impl Side {
 /// The length at which a value that changes so comes to 0.
 fn until_zero(value: f64, change: f64) -> f64 {
     if change < 0.0 { -value / change } else { f64::INFINITY }
+}
+
+/// Collects the finite limits of all rows and, apart from them, the hard equalities with their values.
+pub(super) fn gather(
+    qp: &Qp,
+    compliance: f64,
+    sides: &mut Vec<Side>,
+    equalities: &mut Vec<(usize, f64)>,
+) {
+    sides.clear();
+    equalities.clear();
+    for (row, [low, high, penalty]) in Rows::limits(qp).enumerate() {
+        if low >= high && penalty.is_infinite() {
+            equalities.push((row, high));
+            continue;
+        }
+        for (sign, limit) in [(1.0, high), (-1.0, low)] {
+            if limit.is_finite() {
+                sides.push(Side::new(row, sign, limit, penalty, compliance));
+            }
+        }
+    }
+}
+
+/// Adds up the multipliers of the limits of each row that has any.
+pub(super) fn add_up(sides: &[Side], mu: &mut [f64]) {
+    sides.iter().for_each(|side| mu[side.row] = 0.0);
+    sides.iter().for_each(|side| mu[side.row] += side.sign * side.mu);
 }

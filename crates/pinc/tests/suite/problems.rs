@@ -314,13 +314,9 @@ fn the_units_of_states_without_bounds_do_not_matter() {
         [step.u[0] / sizes[2], step.u[1], step.cost.unwrap()]
     };
     let expected = solved([1.0; 3]);
-    for sizes in [
-        [1.0, 1e-5, 1.0],
-        [1e5, 1e-5, 1e3],
-        [1e-7, 1.0, 1e-7],
-        [1e-7, 1e-7, 1.0],
-        [1.0, 1e-9, 1.0],
-    ] {
+    for sizes in
+        [[1.0, 1e-5, 1.0], [1e5, 1e-5, 1e3], [1e-7, 1.0, 1e-7], [1e-7, 1e-7, 1.0], [1.0, 1e-9, 1.0]]
+    {
         for (found, expected) in solved(sizes).iter().zip(expected) {
             assert!((found - expected).abs() < 1e-7, "{sizes:?}: {found} {expected}");
         }

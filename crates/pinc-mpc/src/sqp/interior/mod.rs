@@ -6,6 +6,7 @@ mod tests;
 use super::{Point, Sqp, StepInput};
 use crate::curvature::Purpose;
 use crate::horizon::Horizon;
+use crate::kkt::KktResidual;
 use crate::memory::Memory;
 use crate::solution::Solution;
 use pinc_qp::{Barrier, OcpDims, Qp, QpWork};
@@ -27,10 +28,10 @@ const NOISE: f64 = 1e-12;
 
 /// The interior-point phase of the SQP.
 ///
-/// With the exact Hessian of an economic cost a program says nothing beyond its active rows where
-/// curvature is negative, and programs whose active rows change each time converge slowly or not at all.
-/// A barrier weighs all rows, so that curvature counts where no row holds: some 10 to 30 linearizations
-/// come to a solution, whose multipliers say which rows are active.
+/// Negative curvature of an economic cost is dropped to make a program convex, except along the rows that
+/// stay active. Where each program has other active rows, the iteration converges slowly or not at all. A
+/// barrier weighs all rows, active or not, so that less curvature has to be dropped: it finds a solution in
+/// some 10 to 30 linearizations.
 #[derive(Debug)]
 pub(super) struct Interior {
     barrier: Barrier,
@@ -135,6 +136,7 @@ impl Sqp {
         let tau = if *iterations == 0 { warm } else { cold };
         interior.start.copy_from(plan);
         interior.barrier.begin(&self.qp, &plan.multipliers, tau);
+        interior.barrier.write(&mut plan.multipliers);
         let mut best = point;
         while best.kkt.max() > self.config.tolerance && *iterations < self.config.max_iterations {
             *iterations += 1;
@@ -174,20 +176,20 @@ impl Sqp {
     ) -> Option<Point> {
         barrier.measure(&self.qp);
         barrier.lower_tau();
-        barrier.write(&mut plan.multipliers);
         self.curve(model, input, plan, Purpose::Barrier, expired)?;
-        let mut length = barrier.direct(&mut self.curved, &mut self.step, expired)?;
-        let [start, slope] = barrier.begin_search(&self.qp, &self.step, from.cost);
+        let mut length = barrier.direct(&mut self.curved, &mut self.step.d, expired)?;
+        let [start, slope] = barrier.begin_search(&self.qp, &self.step.d, from.cost);
         self.base.copy_from(plan);
         for _ in 0..HALVINGS {
-            let there = self.evaluate_trial(model, input, plan, length, expired);
-            let Some(Point { cost, .. }) = there else { break };
+            self.set_trial(plan, length, input.targets.previous);
+            let Some(cost) = self.linearize_trial(model, input, plan, expired) else { break };
             let merit = barrier.merit(&self.trial, cost, length);
             if merit <= start + SUFFICIENT * length * slope + NOISE * start.abs() {
                 barrier.advance(length);
                 barrier.write(&mut plan.multipliers);
                 std::mem::swap(&mut self.qp, &mut self.trial);
-                return Some(Point { kkt: self.residual(plan), cost });
+                let kkt = KktResidual::with_cost(cost, &self.qp, plan, &mut self.work);
+                return Some(Point { kkt, cost });
             }
             length *= 0.5;
         }

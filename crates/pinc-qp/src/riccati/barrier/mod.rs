@@ -5,10 +5,10 @@ mod tests;
 
 use super::newton::Newton;
 use super::rows::Rows;
-use super::side::Side;
+use super::side::{Side, add_up, gather};
 use crate::algebra::largest;
 use crate::convexify::{add_to_diagonals, largest_entry};
-use crate::{Multipliers, Qp, QpStep, QpWork};
+use crate::{Multipliers, Qp, QpWork};
 use std::mem::take;
 
 /// tau falls where the residual of its problem is below this multiple of it, by this factor or to
@@ -98,25 +98,14 @@ impl Barrier {
     /// slacks and multipliers of limits are the nearest on the central path.
     pub fn begin(&mut self, qp: &Qp, multipliers: &Multipliers, tau: f64) {
         (self.tau, self.sigma, self.shift) = (tau.max(LEAST), 0.0, 0.0);
-        self.sides.clear();
-        self.equalities.clear();
-        let Newton { rows, lambda, mu, .. } = &mut self.newton;
+        let Self { newton: Newton { rows, lambda, mu, .. }, sides, equalities, .. } = self;
         lambda.copy_from_slice(&multipliers.dynamics);
         rows.read(multipliers, mu);
-        for (row, [low, high, penalty]) in Rows::limits(qp).enumerate() {
-            if low >= high && penalty.is_infinite() {
-                self.equalities.push((row, high));
-                continue;
-            }
-            for (sign, limit) in [(1.0, high), (-1.0, low)] {
-                if limit.is_finite() {
-                    let mut side = Side::new(row, sign, limit, penalty, 0.0);
-                    side.center((sign * mu[row]).max(0.0), self.tau);
-                    self.sides.push(side);
-                }
-            }
+        gather(qp, 0.0, sides, equalities);
+        for side in &mut *sides {
+            side.center((side.sign * mu[side.row]).max(0.0), self.tau);
         }
-        self.collect();
+        add_up(sides, mu);
     }
 
     /// Takes the linearization at the point, with d = 0.
@@ -159,17 +148,17 @@ impl Barrier {
         off.fold(largest(defect), f64::max).max(products / scale)
     }
 
-    /// Writes the step at the point that was measured, where `qp` has the Hessian of the Lagrangian,
+    /// Writes the step `d` at the point that was measured, where `qp` has the Hessian of the Lagrangian,
     /// which is shifted if it must be. The longest step that leaves nothing negative, at most 1; `None`
     /// if there is none.
     pub fn direct(
         &mut self,
         qp: &mut Qp,
-        step: &mut QpStep,
+        d: &mut [f64],
         expired: &mut dyn FnMut() -> bool,
     ) -> Option<f64> {
-        let (at, tau) = (&mut self.newton, self.tau);
-        let [limits, equalities] = STIFFNESS.map(|stiffness| stiffness * largest_entry(qp));
+        let (at, tau, size) = (&mut self.newton, self.tau, largest_entry(qp));
+        let [limits, equalities] = STIFFNESS.map(|stiffness| stiffness * size);
         self.stiffness = equalities;
         at.weights.fill(0.0);
         at.terms.fill(0.0);
@@ -184,7 +173,7 @@ impl Barrier {
             at.weights[row] = self.stiffness;
             at.terms[row] = -self.stiffness * bound;
         }
-        self.factor(qp, expired)?;
+        self.factor(qp, size, expired)?;
         let at = &mut self.newton;
         at.solve(qp);
         let [mut primal, mut dual] = [1.0 / FRACTION; 2];
@@ -194,15 +183,14 @@ impl Barrier {
             dual = side.longest_dual(dual);
         }
         self.dual_length = FRACTION * dual;
-        step.d.copy_from_slice(at.step());
-        step.multipliers.clear();
+        d.copy_from_slice(at.step());
         let length = FRACTION * primal;
         (length >= SHORTEST).then_some(length)
     }
 
-    /// Factors, with the least shift of a sequence that makes that possible.
-    fn factor(&mut self, qp: &mut Qp, expired: &mut dyn FnMut() -> bool) -> Option<()> {
-        let size = largest_entry(qp);
+    /// Factors, with the least shift of a sequence that makes that possible; `size` is the largest entry
+    /// of the Hessian.
+    fn factor(&mut self, qp: &mut Qp, size: f64, expired: &mut dyn FnMut() -> bool) -> Option<()> {
         let [least, most] = SHIFTS.map(|shift| shift * size);
         let before = take(&mut self.shift);
         loop {
@@ -226,19 +214,20 @@ impl Barrier {
     /// The merit function at the point where `qp` is the linearization, and its slope along the step:
     /// the cost with its barriers and sigma times all violations. sigma grows if the step would not be
     /// one of descent.
-    pub fn begin_search(&mut self, qp: &Qp, step: &QpStep, cost: f64) -> [f64; 2] {
-        let mut slope: f64 = qp.gradient.iter().zip(&step.d).map(|(g, d)| g * d).sum();
+    pub fn begin_search(&mut self, qp: &Qp, d: &[f64], cost: f64) -> [f64; 2] {
+        let mut slope: f64 = qp.gradient.iter().zip(d).map(|(g, d)| g * d).sum();
         for side in &self.sides {
             slope -= self.tau * side.dt / side.t;
             if side.soft() {
                 slope += (side.penalty - self.tau / side.e) * side.de;
             }
         }
-        let [_, off] = self.parts(qp, 0.0);
+        let [barriers, off] = self.parts(qp, 0.0);
         if off > 0.0 {
             self.sigma = self.sigma.max(slope / ((1.0 - GAINED) * off));
         }
-        [self.merit(qp, cost, 0.0), slope - self.sigma * off]
+        let violation = self.sigma * off;
+        [cost + barriers + violation, slope - violation]
     }
 
     /// The merit function `length` of the step away, where `qp` is the linearization.
@@ -282,14 +271,7 @@ impl Barrier {
             let moved = self.newton.moved[row];
             self.newton.mu[row] += length * self.stiffness * (moved - bound);
         }
-        self.collect();
-    }
-
-    /// Adds up the multipliers of the sides.
-    fn collect(&mut self) {
-        let mu = &mut self.newton.mu;
-        self.sides.iter().for_each(|side| mu[side.row] = 0.0);
-        self.sides.iter().for_each(|side| mu[side.row] += side.sign * side.mu);
+        add_up(&self.sides, &mut self.newton.mu);
     }
 
     /// Writes the multipliers.

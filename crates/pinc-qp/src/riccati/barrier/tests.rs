@@ -2,7 +2,7 @@ use super::*;
 use crate::condense::CondensedQp;
 use crate::tests::endings::program;
 use crate::tests::programs::programs;
-use crate::{OcpDims, QpSolver, QpStatus, Tree};
+use crate::{OcpDims, QpSolver, QpStatus, QpStep, Tree};
 use proptest::prelude::*;
 
 /// The program as seen from `d`, and its cost there.
@@ -47,8 +47,8 @@ fn solved(qp: &Qp, mut d: Vec<f64>) -> Option<(Vec<f64>, Multipliers, usize)> {
             barrier.write(&mut multipliers);
             return Some((d, multipliers, barrier.take_work().factorizations));
         }
-        let mut length = barrier.direct(&mut seen, &mut step, &mut || false)?;
-        let [start, slope] = barrier.begin_search(&seen, &step, cost);
+        let mut length = barrier.direct(&mut seen, &mut step.d, &mut || false)?;
+        let [start, slope] = barrier.begin_search(&seen, &step.d, cost);
         loop {
             let moved: Vec<f64> = d.iter().zip(&step.d).map(|(d, by)| d + length * by).collect();
             let (there, cost_there) = seen_from(qp, &moved);
@@ -142,8 +142,8 @@ fn the_barrier_ends_when_the_time_is_up() {
     let (mut barrier, mut step) = (Barrier::new(&qp), QpStep::new(qp.dims));
     barrier.begin(&qp, &step.multipliers, 1e-3);
     barrier.measure(&qp);
-    assert_eq!(barrier.direct(&mut qp.clone(), &mut step, &mut || true), None);
+    assert_eq!(barrier.direct(&mut qp.clone(), &mut step.d, &mut || true), None);
     // The Hessian is shifted where there is time.
-    assert!(barrier.direct(&mut qp.clone(), &mut step, &mut || false).is_some());
+    assert!(barrier.direct(&mut qp.clone(), &mut step.d, &mut || false).is_some());
     assert!(barrier.shift > 0.0);
 }
