@@ -131,6 +131,9 @@ pub struct Qp {
     pub rows: Limits,
 }
 
+/// How many rows are looked at together.
+const CHUNK: usize = 16;
+
 /// Limits on the rows of one kind of constraint. Which of `low` and `high` are finite is the same
 /// in all QPs; `penalty` may change.
 #[derive(Clone, Debug)]
@@ -165,6 +168,28 @@ impl Limits {
             .zip(&self.high)
             .zip(&self.penalty)
             .map(|((&low, &high), &penalty)| [low, high, penalty])
+    }
+
+    /// Tells `found` the rows, in their order, for which `is` holds: of low, high and the row's number in
+    /// `list`. Rows are passed over in vectors where it holds for none, so it should hold for few.
+    #[inline(always)]
+    pub fn find(
+        &self,
+        list: &[f64],
+        is: impl Fn(f64, f64, f64) -> bool,
+        mut found: impl FnMut(usize, [f64; 3]),
+    ) {
+        let sides = self.low.chunks(CHUNK).zip(self.high.chunks(CHUNK));
+        for (chunk, ((low, high), list)) in sides.zip(list.chunks(CHUNK)).enumerate() {
+            let rows = low.iter().zip(high).zip(list);
+            if rows.fold(false, |any, ((&low, &high), &value)| any | is(low, high, value)) {
+                for (i, ((&low, &high), &value)) in low.iter().zip(high).zip(list).enumerate() {
+                    if is(low, high, value) {
+                        found(chunk * CHUNK + i, [low, high, value]);
+                    }
+                }
+            }
+        }
     }
 }
 

@@ -9,9 +9,6 @@ use pinc_qp::{Limits, Multipliers, Qp, largest};
 /// Above this mean multiplier the residuals that are proportional to the cost are scaled down.
 const LARGE_MULTIPLIER: f64 = 100.0;
 
-/// How many rows are looked at together.
-const CHUNK: usize = 16;
-
 /// The residuals of the conditions of Karush, Kuhn and Tucker, of the nonlinear problem itself (see
 /// [`Solution`] for its Lagrangian L): largest absolute values, in the problem's units where its
 /// quantities are of ordinary size (1/16 to 1024). Other quantities, as their bounds or
@@ -82,22 +79,12 @@ struct Worst {
 
 impl Worst {
     /// Takes the rows of one kind into account; their values are 0, seen from the limits. Rows within
-    /// their limits and without a multiplier, nearly all, are passed over in vectors.
+    /// their limits and without a multiplier, nearly all, do not count.
     fn see(&mut self, limits: &Limits, multipliers: &[f64]) {
-        let Limits { low, high, penalty } = limits;
-        let sides = low.chunks(CHUNK).zip(high.chunks(CHUNK));
-        let rows = sides.zip(multipliers.chunks(CHUNK)).zip(penalty.chunks(CHUNK));
-        for (((low, high), multipliers), penalty) in rows {
-            let each = low.iter().zip(high).zip(multipliers);
-            if !each.fold(true, |all, ((&low, &high), &mu)| {
-                all & (low <= 0.0) & (high >= 0.0) & (mu == 0.0)
-            }) {
-                let each = low.iter().zip(high).zip(multipliers.iter().zip(penalty));
-                each.for_each(|((&low, &high), (&mu, &penalty))| {
-                    self.take([low, high, penalty], mu)
-                });
-            }
-        }
+        let counts = |low: f64, high: f64, mu: f64| !((low <= 0.0) & (high >= 0.0) & (mu == 0.0));
+        limits.find(multipliers, counts, |row, [low, high, mu]| {
+            self.take([low, high, limits.penalty[row]], mu);
+        });
     }
 
     fn take(&mut self, [low, high, penalty]: [f64; 3], mu: f64) {

@@ -5,9 +5,6 @@ use crate::OcpDims;
 use crate::algebra::{add_scaled, block, block_mut, dot};
 use crate::{Kind, Qp, Row, RowBlock};
 
-/// How many rows are looked at together.
-const CHUNK: usize = 16;
-
 /// The values C d of all rows that may have limits: the unknowns, the increments of the inputs, and
 /// the general rows, one after the other.
 #[derive(Clone, Copy, Debug)]
@@ -100,8 +97,7 @@ impl Rows {
         }
     }
 
-    /// Tells `found` of the rows, in their order, of which `is` holds: of low, high and the number in
-    /// `list`. It should hold nearly nowhere, which is seen in vectors.
+    /// [`Limits::find`](crate::Limits::find) over all rows.
     #[inline(always)]
     pub(super) fn find(
         self,
@@ -111,20 +107,10 @@ impl Rows {
         mut found: impl FnMut(usize, [f64; 3]),
     ) {
         let (bounds, increments, general) = self.split(list);
-        let mut row = 0;
+        let mut first = 0;
         for ((_, limits), list) in qp.limits().into_iter().zip([bounds, increments, general]) {
-            let all = limits.low.chunks(CHUNK).zip(limits.high.chunks(CHUNK));
-            for ((low, high), list) in all.zip(list.chunks(CHUNK)) {
-                let each = low.iter().zip(high).zip(list);
-                if each.fold(false, |any, ((&low, &high), &value)| any | is(low, high, value)) {
-                    for (i, ((&low, &high), &value)) in low.iter().zip(high).zip(list).enumerate() {
-                        if is(low, high, value) {
-                            found(row + i, [low, high, value]);
-                        }
-                    }
-                }
-                row += list.len();
-            }
+            limits.find(list, &is, |row, of| found(first + row, of));
+            first += list.len();
         }
     }
 
