@@ -2,21 +2,26 @@
 
 use super::*;
 
-/// Steps of 1 s, 1 s and 4 s: the plan moves by 1 s.
-#[test]
-fn a_plan_on_stages_of_different_lengths_is_interpolated() {
-    let dims = OcpDims {
-        nx: 1,
+/// One input and one inequality, from the node `n1` on, over a chain of `horizon` stages.
+fn dims(nx: usize, [horizon, n_controls]: [usize; 2], n1: usize) -> OcpDims {
+    OcpDims {
+        nx,
         nu: 1,
-        horizon: 3,
-        n_controls: 3,
-        n1: 1,
+        horizon,
+        n_controls,
+        n1,
         inequalities: 1,
         equalities: 0,
         outputs: 0,
         feedthrough: 0,
         tree: pinc_qp::Tree::CHAIN,
-    };
+    }
+}
+
+/// Steps of 1 s, 1 s and 4 s: the plan moves by 1 s.
+#[test]
+fn a_plan_on_stages_of_different_lengths_is_interpolated() {
+    let dims = dims(1, [3, 3], 1);
     let mut from = Solution::new(dims);
     from.z = vec![1.0, 2.0, 10.0, 5.0, 6.0, 7.0];
     from.multipliers.dynamics = vec![0.1, 0.2, 0.3];
@@ -37,18 +42,7 @@ fn a_plan_on_stages_of_different_lengths_is_interpolated() {
 
 #[test]
 fn one_value_that_is_not_a_number_is_noticed() {
-    let dims = OcpDims {
-        nx: 1,
-        nu: 1,
-        horizon: 2,
-        n_controls: 2,
-        n1: 1,
-        inequalities: 1,
-        equalities: 0,
-        outputs: 0,
-        feedthrough: 0,
-        tree: pinc_qp::Tree::CHAIN,
-    };
+    let dims = dims(1, [2, 2], 1);
     assert!(Solution::new(dims).is_finite());
     let with = |change: fn(&mut Solution)| {
         let mut solution = Solution::new(dims);
@@ -64,18 +58,7 @@ fn one_value_that_is_not_a_number_is_noticed() {
 
 #[test]
 fn shifting_keeps_the_last_stage() {
-    let dims = OcpDims {
-        nx: 2,
-        nu: 1,
-        horizon: 3,
-        n_controls: 1,
-        n1: 2,
-        inequalities: 1,
-        equalities: 0,
-        outputs: 0,
-        feedthrough: 0,
-        tree: pinc_qp::Tree::CHAIN,
-    };
+    let dims = dims(2, [3, 1], 2);
     let mut solution = Solution::new(dims);
     solution.z = vec![1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0];
     solution.multipliers.dynamics = vec![1.0, 2.0, 3.0, 4.0, 5.0, 6.0];
@@ -92,18 +75,7 @@ fn shifting_keeps_the_last_stage() {
 
 #[test]
 fn an_orbit_is_turned() {
-    let dims = OcpDims {
-        nx: 2,
-        nu: 1,
-        horizon: 3,
-        n_controls: 3,
-        n1: 1,
-        inequalities: 1,
-        equalities: 0,
-        outputs: 0,
-        feedthrough: 0,
-        tree: pinc_qp::Tree::CHAIN,
-    };
+    let dims = dims(2, [3, 3], 1);
     let mut solution = Solution::new(dims);
     solution.z = vec![1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 9.0];
     solution.multipliers.dynamics = vec![10.0, 20.0, 30.0, 40.0, 50.0, 60.0];

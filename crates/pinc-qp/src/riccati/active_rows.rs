@@ -353,28 +353,14 @@ fn is_outside(low: f64, high: f64, value: f64) -> bool {
 
 #[cfg(test)]
 mod tests {
+    use super::super::tests::scalar;
     use super::*;
-    use crate::{OcpDims, QpStep};
+    use crate::QpStep;
 
     /// x = u, at most 1 and 2; the least of (u - middle)^2 / 2. The rows are x, u and the
     /// increment.
     fn program(middle: f64) -> Qp {
-        let [nx, nu, horizon, n_controls, n1] = [1; 5];
-        let [inequalities, equalities, outputs] = [0; 3];
-        let dims = OcpDims {
-            nx,
-            nu,
-            horizon,
-            n_controls,
-            n1,
-            inequalities,
-            equalities,
-            outputs,
-            feedthrough: 0,
-            tree: crate::Tree::CHAIN,
-        };
-        let mut qp = Qp::new(dims, vec![0.0], vec![1.0]);
-        qp.b[0] = 1.0;
+        let mut qp = scalar(0.0, 1.0);
         qp.gradient[1] = -middle;
         qp.bounds.high = vec![2.0, 1.0];
         qp

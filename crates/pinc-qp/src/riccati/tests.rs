@@ -61,8 +61,8 @@ fn the_interior_point_gives_up_when_the_time_is_up() {
     }
 }
 
-/// x = u, with limits on both.
-fn pair([low, high]: [[f64; 2]; 2]) -> Qp {
+/// x = u, over one stage, with the weights q and r.
+pub(super) fn scalar(q: f64, r: f64) -> Qp {
     let [nx, nu, horizon, n_controls, n1] = [1; 5];
     let [inequalities, equalities, outputs] = [0; 3];
     let dims = OcpDims {
@@ -77,8 +77,14 @@ fn pair([low, high]: [[f64; 2]; 2]) -> Qp {
         feedthrough: 0,
         tree: crate::Tree::CHAIN,
     };
-    let mut qp = Qp::new(dims, vec![1.0], vec![1.0]);
+    let mut qp = Qp::new(dims, vec![q], vec![r]);
     qp.b[0] = 1.0;
+    qp
+}
+
+/// The same with limits on both.
+fn pair([low, high]: [[f64; 2]; 2]) -> Qp {
+    let mut qp = scalar(1.0, 1.0);
     (qp.bounds.low, qp.bounds.high) = (low.to_vec(), high.to_vec());
     qp
 }

@@ -1,8 +1,9 @@
+use super::super::tests::scalar;
 use super::*;
 use crate::condense::CondensedQp;
 use crate::tests::endings::program;
 use crate::tests::programs::programs;
-use crate::{OcpDims, QpSolver, QpStatus, QpStep, Tree};
+use crate::{QpSolver, QpStatus, QpStep};
 use proptest::prelude::*;
 
 /// The program as seen from `d`, and its cost there.
@@ -106,20 +107,7 @@ proptest! {
 
 /// x = u between -1 and 2; the least of -u^2 / 2 + slope u, which is at one of the bounds.
 fn concave(slope: f64) -> Qp {
-    let dims = OcpDims {
-        nx: 1,
-        nu: 1,
-        horizon: 1,
-        n_controls: 1,
-        n1: 1,
-        inequalities: 0,
-        equalities: 0,
-        outputs: 0,
-        feedthrough: 0,
-        tree: Tree::CHAIN,
-    };
-    let mut qp = Qp::new(dims, vec![0.0], vec![0.0]).with_end_cost();
-    qp.b[0] = 1.0;
+    let mut qp = scalar(0.0, 0.0).with_end_cost();
     qp.t[0] = -1.0;
     qp.gradient[1] = slope;
     (qp.bounds.low[1], qp.bounds.high[1]) = (-1.0, 2.0);
