@@ -41,7 +41,7 @@ pub struct StepBatch {
     pub inputs: Vec<f64>,
     /// How the optimizations ended.
     pub statuses: Vec<SqpStatus>,
-    /// How many QPs were solved.
+    /// How many QPs were solved, and iterations of the barrier method taken.
     pub sqp_iterations: Vec<usize>,
     /// The largest KKT residuals.
     pub kkt: Vec<f64>,

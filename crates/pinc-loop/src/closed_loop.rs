@@ -85,7 +85,7 @@ pub struct ClosedLoop<'a> {
 pub struct StepRecord {
     /// How the optimization ended.
     pub status: SqpStatus,
-    /// How many QPs were solved.
+    /// How many QPs were solved, and iterations of the barrier method taken.
     pub sqp_iterations: usize,
     /// Other work.
     pub work: StepWork,

@@ -544,7 +544,7 @@ class StepBatch:
         """How the optimizations ended."""
     @property
     def sqp_iterations(self) -> list[int]:
-        """How many quadratic programs were solved."""
+        """How many quadratic programs were solved, and iterations of the barrier method taken."""
     @property
     def kkt(self) -> _Array:
         """The KKT residuals, ``(steps,)``."""
@@ -609,7 +609,7 @@ class ControlStep:
         """How the estimator's correction ended; ``"updated"`` is the ordinary one."""
     @property
     def sqp_iterations(self) -> int:
-        """How many quadratic programs were solved."""
+        """How many quadratic programs were solved, and iterations of the barrier method taken."""
     @property
     def kkt(self) -> float:
         """The KKT residual that the optimization ended with."""
