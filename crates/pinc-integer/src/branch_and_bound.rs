@@ -30,6 +30,8 @@ pub struct BranchAndBound {
     /// The most programs per step.
     programs: usize,
     /// The bounds of the inputs as they were given.
+    given: [Vec<f64>; 2],
+    /// The same with whole numbers at the first stage, so far as increments from the input before allow.
     low: Vec<f64>,
     high: Vec<f64>,
     /// Where the search turns back, the last branch last.
@@ -70,6 +72,7 @@ impl BranchAndBound {
             inputs,
             lengths: lengths.to_vec(),
             programs,
+            given: [numbers(), numbers()],
             low: numbers(),
             high: numbers(),
             // Each branch at a place halves its range at least.
@@ -166,9 +169,15 @@ impl BranchAndBound {
 impl PlanSearch for BranchAndBound {
     fn search(&mut self, programs: &mut Programs<'_>) -> SqpStatus {
         self.at.copy_from_slice(programs.plan().inputs());
-        let [low, high] = programs.bounds_mut();
+        let bounds = programs.bounds_mut();
+        self.given.iter_mut().zip(&bounds).for_each(|(to, from)| to.copy_from_slice(from));
+        let [low, high] = bounds;
         self.low.copy_from_slice(low);
         self.high.copy_from_slice(high);
+        for &place in &self.whole {
+            let reach = whole_within(programs.reach(place), self.at[place]);
+            [self.low[place], self.high[place]] = reach;
+        }
         self.best.copy_from_slice(&self.at);
         sum_up(&mut self.best, &self.whole, &self.lengths);
         let rounded = self.hold_best(programs);
@@ -182,17 +191,29 @@ impl PlanSearch for BranchAndBound {
             Some(_) => self.explore(programs),
         };
         let held = self.hold_best(programs);
-        let [low, high] = programs.bounds_mut();
-        low.copy_from_slice(&self.low);
-        high.copy_from_slice(&self.high);
+        programs
+            .bounds_mut()
+            .into_iter()
+            .zip(&self.given)
+            .for_each(|(to, of)| to.copy_from_slice(of));
         if is_solved(held) { found } else { held }
     }
 
-    fn admit(&self, u: &mut [f64]) {
-        for place in &self.whole {
-            u[*place] = u[*place].round();
-        }
+    fn admit(&self, input: usize, u: f64, reach: [f64; 2]) -> f64 {
+        if self.whole.contains(&input) { nearest(u, whole_within(reach, u)) } else { u }
     }
+}
+
+/// The whole number within these limits that is nearest.
+fn nearest(u: f64, [least, most]: [f64; 2]) -> f64 {
+    u.round().max(least).min(most)
+}
+
+/// The least and the largest whole number from `least` to `most`, rounding apart; where there is none,
+/// the one next to `u`.
+fn whole_within([least, most]: [f64; 2], u: f64) -> [f64; 2] {
+    let [low, high] = [(least - WHOLE).ceil(), (most + WHOLE).floor()];
+    if low <= high { [low, high] } else { [u.round(); 2] }
 }
 
 /// Sets both bounds of an input.

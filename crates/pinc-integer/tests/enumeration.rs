@@ -78,6 +78,54 @@ fn a_search_that_is_cut_short_is_rounded_and_leaves_nothing_behind() {
     assert_eq!(again.to_bits(), first.to_bits());
 }
 
+/// An input in whole numbers changes by whole numbers that its increments allow, in plans and in what is
+/// applied, however little time there was; from between whole numbers it goes to the next.
+#[test]
+fn increments_hold_between_whole_inputs() {
+    for (limit, most, first) in [(0.8, 0.0, 0.0), (1.0, 1.0, 0.0), (1.7, 1.0, 0.0), (0.3, 0.0, 0.6)]
+    {
+        for programs in [1, 5000] {
+            let problem = NmpcProblem {
+                input_bounds: Bounds::new(vec![-2.0], vec![2.0]),
+                increment_bounds: Bounds::new(vec![-limit], vec![limit]),
+                ..NmpcProblem::new(
+                    model().dims(),
+                    STAGES,
+                    Weights::uniform(vec![10.0; 2], vec![0.5]),
+                )
+            };
+            let search = BranchAndBound::new(&problem, &[0], programs, &[0.5; STAGES]);
+            let search = Box::new(search);
+            let builder = Nmpc::builder(problem).model(Box::new(model())).search(search);
+            let (mut nmpc, mut x) = (builder.build().unwrap(), [0.9, -0.9]);
+            nmpc.reset_to(&x, &[first]).unwrap();
+            let (mut before, mut largest) = (f64::round(first), 0.0_f64);
+            for k in 0..12 {
+                let (mut asked, allowed) = (0, if k % 4 == 3 { 2 } else { usize::MAX });
+                let mut expired = || {
+                    asked += 1;
+                    asked > allowed
+                };
+                let step = nmpc.step_within(&x, &[0.0; 2 * STAGES], &mut expired).unwrap();
+                let u = step.u[0];
+                let mut inputs = vec![before, u];
+                if step.status == SqpStatus::Converged {
+                    inputs.extend(nmpc.plan().inputs());
+                }
+                for pair in inputs.windows(2).filter(|_| k > 0 || first.fract() == 0.0) {
+                    largest = largest.max((pair[1] - pair[0]).abs());
+                }
+                assert!(u.fract() == 0.0, "{limit}: {u}");
+                assert!(largest <= most, "{limit}, step {k}: a change of {largest}");
+                let mut next = [0.0; 2];
+                model().step(&x, &[u], &[], &mut next);
+                (x, before) = (next, u);
+            }
+            assert!(largest == most, "{limit}: no change above {largest}");
+        }
+    }
+}
+
 /// By hand: what is left over is 2.4 - 4, then -1.6 + 0.5 + 1, then -0.1 + 1.5 - 2.
 #[test]
 fn stages_count_by_their_lengths_when_they_are_rounded() {

@@ -11,8 +11,9 @@ pub trait PlanSearch: Debug + Send {
     /// bounds as they were, and returns how the search ended. It allocates nothing.
     fn search(&mut self, programs: &mut Programs<'_>) -> SqpStatus;
 
-    /// Moves an input, `m`, to one that may be applied, however the step ended.
-    fn admit(&self, u: &mut [f64]);
+    /// What `u`, one of the `m` inputs, is to be that it may be applied, however the step ended: by its
+    /// bounds, those of its increment and the input before, at least and at most these.
+    fn admit(&self, input: usize, u: f64, reach: [f64; 2]) -> f64;
 }
 
 /// Makes the plans of steps in place of the optimization.
@@ -64,6 +65,13 @@ impl Programs<'_> {
     #[must_use]
     pub fn cost(&self) -> f64 {
         self.outcome.cost
+    }
+
+    /// The least and the most that an input of the first stage may be, by its bounds and those of its
+    /// increment.
+    #[must_use]
+    pub fn reach(&self, input: usize) -> [f64; 2] {
+        self.sqp.transcription.reach(input, self.input.targets.previous[input])
     }
 
     /// The bounds of all inputs, `[Nu, m]` each, the lower ones first.

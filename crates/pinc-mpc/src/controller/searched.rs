@@ -56,8 +56,10 @@ impl Nmpc {
 
     /// Moves the input to apply to one that may be applied.
     pub(super) fn admit(&mut self) {
-        if let Some(search) = &self.search {
-            search.admit(&mut self.plan.z[self.dims.input(0)]);
+        let Some(search) = &self.search else { return };
+        let first = self.plan.z[self.dims.input(0)].iter_mut().zip(&self.previous);
+        for (input, (u, before)) in first.enumerate() {
+            *u = search.admit(input, *u, self.sqp.transcription.reach(input, *before));
         }
     }
 }

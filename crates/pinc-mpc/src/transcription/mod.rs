@@ -282,9 +282,8 @@ impl Transcription {
         }
     }
 
-    /// Moves the plan's inputs into their bounds and into the bounds of their increments. From
-    /// outside its bounds an input may go as far as to the nearest. An input that is not finite
-    /// becomes the one before it.
+    /// Moves the plan's inputs into their bounds and into the bounds of their increments. An input that
+    /// is not finite becomes the one before it.
     pub(crate) fn project(&self, plan: &mut Solution, previous: &[f64]) {
         let (first, m) = (self.dims.all_states(), self.dims.nu);
         let inputs = &mut plan.z[first..];
@@ -295,15 +294,23 @@ impl Transcription {
             }
             return;
         }
-        let increments = self.increments.low.iter().zip(&self.increments.high);
-        for (v, ((&least, &most), (down, up))) in bounds.zip(increments).enumerate() {
+        for v in 0..inputs.len() {
             let before = self.dims.entry_before(v).map_or(previous[v % m], |at| inputs[at]);
-            let low = (before + down).min(most);
-            let high = (before + up).max(least);
             let wanted = if inputs[v].is_finite() { inputs[v] } else { before };
-            // With a finite input before, low <= high.
-            inputs[v] = wanted.max(low).min(high).max(least).min(most);
+            let [least, most] = self.reach(v, before);
+            inputs[v] = wanted.max(least).min(most);
         }
+    }
+
+    /// The least and the most that input `v` of all may be after the input `before`. From outside its
+    /// bounds an input may go as far as to the nearest.
+    pub(crate) fn reach(&self, v: usize, before: f64) -> [f64; 2] {
+        let at = self.dims.all_states() + v;
+        let (least, most) = (self.bounds.low[at], self.bounds.high[at]);
+        let low = (before + self.increments.low[v]).min(most);
+        let high = (before + self.increments.high[v]).max(least);
+        // With a finite input before, low <= high.
+        [low.max(least), high.min(most)]
     }
 
     /// Clears the multipliers of limits that are infinite, as after a shift from limited stages.

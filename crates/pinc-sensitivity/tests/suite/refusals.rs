@@ -20,7 +20,9 @@ impl PlanSearch for Unchanged {
         SqpStatus::Converged
     }
 
-    fn admit(&self, _: &mut [f64]) {}
+    fn admit(&self, _: usize, u: f64, _: [f64; 2]) -> f64 {
+        u
+    }
 }
 
 #[test]
