@@ -160,7 +160,10 @@ impl ActiveRows {
             }
             match self.meet(qp, at, expired) {
                 Some(true) => match self.reconsider(qp, at) {
-                    0 => return true,
+                    0 => {
+                        self.clear_rounding(qp, &mut at.mu);
+                        return true;
+                    }
                     wrong if wrong > most => return false,
                     wrong => most = most.min(patience.relapse.saturating_mul(wrong + 1)),
                 },
@@ -169,6 +172,19 @@ impl ActiveRows {
             }
         }
         false
+    }
+
+    /// Clears multipliers that pull the wrong way by rounding: on that side there may be no limit.
+    fn clear_rounding(&self, qp: &Qp, mu: &mut [f64]) {
+        for &row in &self.active {
+            let [low, high, _] = self.rows.limits_of(qp, row);
+            if let RowStatus::Held { upper, .. } = self.statuses[row]
+                && low < high
+                && (mu[row] > 0.0) != upper
+            {
+                mu[row] = 0.0;
+            }
+        }
     }
 
     /// Writes multipliers by which the last set of active rows is guessed again.
@@ -430,6 +446,21 @@ mod tests {
                 assert_eq!((found.1, found.2), ([RowStatus::Inactive, HELD], work));
             }
         }
+    }
+
+    /// The least is next to the limit, within rounding, and there is no limit on the other side.
+    #[test]
+    fn a_multiplier_of_rounding_belongs_to_no_other_limit() {
+        let qp = program(1.0 - 5e-12);
+        let mut step = QpStep::new(qp.dims);
+        step.multipliers.bounds[1] = 1.0;
+        let mut at = Newton::new(qp.dims);
+        at.start(&step);
+        let mut rows = ActiveRows::new(&qp);
+        rows.guess(&qp, &at.mu.clone());
+        assert!(rows.solve(&qp, &mut at, Patience::ENDLESS, &mut || false));
+        assert_eq!(rows.statuses, [RowStatus::Inactive, HELD, RowStatus::Inactive]);
+        assert!(at.mu[1] == 0.0, "{:e}", at.mu[1]);
     }
 
     #[test]

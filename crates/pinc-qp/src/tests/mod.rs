@@ -5,7 +5,7 @@
 use super::clarabel::ClarabelQp;
 use super::condense::CondensedQp;
 use super::riccati::RiccatiQp;
-use super::{ChosenQp, OcpDims, Qp, QpError, QpMethod, QpSolver, QpStatus, QpStep};
+use super::{ChosenQp, Multipliers, OcpDims, Qp, QpError, QpMethod, QpSolver, QpStatus, QpStep};
 pub(super) mod endings;
 pub(crate) mod programs;
 
@@ -173,6 +173,13 @@ fn solve(
     prop_assert_eq!(status, QpStatus::Solved);
     let residual = residual(qp, &step);
     prop_assert!(residual < tolerance, "{:e}", residual);
+    let Multipliers { bounds, increments, rows, .. } = &step.multipliers;
+    for ((_, limits), multipliers) in qp.limits().into_iter().zip([bounds, increments, rows]) {
+        for ([low, high, _], mu) in limits.iter().zip(multipliers) {
+            let limit = if *mu > 0.0 { high } else { low };
+            prop_assert!(*mu == 0.0 || limit.is_finite(), "{} of no limit", mu);
+        }
+    }
     Ok(step)
 }
 
