@@ -62,11 +62,11 @@ impl Phase {
         }
     }
 
-    /// Saves or restores it, without the linearization.
+    const ALL: [Self; 3] = [Self::Solved, Self::Shifted, Self::Linearized];
+
+    /// Saves or restores it.
     pub(crate) fn remember(&mut self, memory: &mut Memory<'_>) {
-        let mut is_shifted = self.without_linearization() == Self::Shifted;
-        memory.flag(&mut is_shifted);
-        *self = if is_shifted { Self::Shifted } else { Self::Solved };
+        memory.choice(self, &Self::ALL);
     }
 }
 
@@ -75,8 +75,6 @@ impl PlanState {
 
     /// Saves or restores it.
     pub(crate) fn remember(&mut self, memory: &mut Memory<'_>) {
-        let mut place = Self::ALL.iter().position(|state| state == self).unwrap_or_default();
-        memory.count(&mut place, Self::ALL.len() - 1);
-        *self = Self::ALL[place];
+        memory.choice(self, &Self::ALL);
     }
 }

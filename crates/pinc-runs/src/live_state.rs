@@ -41,8 +41,7 @@ impl LiveState {
 }
 
 impl LiveController {
-    /// What the next step starts from. A linearization that was [prepared](Self::prepare) is not
-    /// part of it, and is made anew.
+    /// What the next step starts from.
     pub fn state(&mut self) -> LiveState {
         let mut numbers = Vec::new();
         self.remember(&mut Memory::save(&mut numbers));

@@ -1,6 +1,7 @@
 //! The handover from a controller to its substitute, or to its own next process.
 
 use super::Nmpc;
+use crate::guess::Phase;
 use crate::memory::Memory;
 
 impl Nmpc {
@@ -32,7 +33,12 @@ impl Nmpc {
         memory.step(&mut self.steps);
         self.phase.remember(memory);
         self.plan_state.remember(memory);
-        self.sqp.remember(memory);
-        self.sqp.set_parameters(&self.parameters);
+        self.sqp.remember(memory, &mut self.horizon);
+        if memory.restores() {
+            self.sqp.set_parameters(&self.parameters);
+            if self.phase == Phase::Linearized {
+                self.sqp.prepare(&mut self.horizon, &self.start, &self.plan);
+            }
+        }
     }
 }

@@ -4,6 +4,7 @@
 mod tests;
 
 use crate::horizon::Horizon;
+use crate::memory::Memory;
 use crate::{NmpcProblem, Scenarios};
 use pinc_ode::{Dims, Linearization, Model, Stages};
 use pinc_qp::{OcpDims, all_finite};
@@ -121,6 +122,19 @@ impl LinearizationCache {
     /// Forgets what is known.
     pub(crate) fn forget(&mut self) {
         (self.known, self.filled) = (false, false);
+    }
+
+    /// Saves or restores where the models were linearized last, and linearizes them there again.
+    pub(crate) fn remember(&mut self, memory: &mut Memory<'_>, horizon: &mut Horizon) {
+        memory.flag(&mut self.filled);
+        let Points { x, u } = &mut self.stages.points;
+        [x, u, &mut self.parameters].into_iter().for_each(|part| memory.numbers(part));
+        if self.filled && memory.restores() {
+            let (all, p) = (0..self.dims.horizon, self.counts[1] * self.dims.horizon);
+            self.filled = self.stages.linearize(&self.parameters[..p], |at, out| {
+                horizon.linearize(all, at, out, &mut || false)
+            });
+        }
     }
 
     /// Linearizes along the plan `z` from `x0`; whether it came to the end before `expired` said

@@ -218,12 +218,16 @@ impl Sqp {
         }
     }
 
-    /// Saves or restores what a control step takes over from the last ones, and forgets all else.
-    pub(crate) fn remember(&mut self, memory: &mut Memory<'_>) {
-        let mut interior = self.interior.take();
-        interior.iter_mut().for_each(|interior| interior.remember(memory));
-        self.forget();
-        self.interior = interior;
+    /// Saves or restores what a control step takes over from the last ones.
+    pub(crate) fn remember(&mut self, memory: &mut Memory<'_>, horizon: &mut Horizon) {
+        if memory.restores() {
+            self.forget();
+        }
+        self.interior.iter_mut().for_each(|interior| interior.remember(memory));
+        self.transcription.remember(memory, horizon);
+        if memory.restores() {
+            self.rebuild_programs();
+        }
     }
 
     /// The work since this was last asked.

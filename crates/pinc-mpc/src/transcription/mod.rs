@@ -8,6 +8,7 @@ use crate::cost::{Cost, Targets};
 use crate::curvature::{At, Curvature, Purpose};
 use crate::horizon::Horizon;
 use crate::linearization_cache::LinearizationCache;
+use crate::memory::Memory;
 use crate::outputs::{IntervalEnd, OutputRows, Outputs};
 use crate::scenarios::Nodes;
 use crate::solution::Solution;
@@ -408,6 +409,15 @@ impl Transcription {
             self.units.choose_cost(&self.plain.q, &self.plain.r);
         }
         changed
+    }
+
+    /// Saves or restores the units, and what a tube follows: where the models were linearized last.
+    pub(crate) fn remember(&mut self, memory: &mut Memory<'_>, horizon: &mut Horizon) {
+        self.units.remember(memory);
+        self.units.choose_cost(&self.plain.q, &self.plain.r);
+        if self.is_tightened() {
+            self.cache.remember(memory, horizon);
+        }
     }
 
     /// Writes the cost's derivatives at `z` and the distances to the bounds into `qp`, and returns

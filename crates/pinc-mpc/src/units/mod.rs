@@ -6,6 +6,7 @@ mod tests;
 use crate::constraints::ConstraintWork;
 use crate::cost::Targets;
 use crate::curvature::LEAST_SIZE;
+use crate::memory::Memory;
 use crate::outputs::OutputRows;
 use crate::{NmpcProblem, Tracked};
 use pinc_ode::Dims;
@@ -170,6 +171,22 @@ impl Units {
             }
         }
         changed
+    }
+
+    /// Saves or restores the sizes that only values have shown.
+    pub(crate) fn remember(&mut self, memory: &mut Memory<'_>) {
+        for (units, unknown) in [&mut self.x, &mut self.u].into_iter().zip(&self.unknown) {
+            for (unit, _) in units.iter_mut().zip(unknown).filter(|(_, unknown)| **unknown) {
+                memory.numbers(std::slice::from_mut(unit));
+                if !(unit.is_normal() && *unit > 0.0) {
+                    *unit = 1.0;
+                    memory.refuse();
+                }
+            }
+        }
+        let mut slope = [self.slope.unwrap_or(f64::NAN)];
+        memory.numbers(&mut slope);
+        self.slope = Some(slope[0]).filter(|slope| slope.is_finite());
     }
 
     /// Makes the units fit a state and what it is to follow; whether they changed.

@@ -13,6 +13,7 @@ mod formulation;
 mod guard;
 mod kkt;
 mod linear;
+mod memory;
 mod methods;
 mod misuse;
 mod optimality;

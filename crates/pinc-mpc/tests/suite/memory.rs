@@ -1,0 +1,88 @@
+//! What is saved of a controller, and restored.
+
+use pinc_mpc::{Bounds, Memory, Nmpc, NmpcProblem, SqpConfig, Tracked, Weights};
+use pinc_ode::{Dims, Model, Rk4};
+use pinc_plants::FourTanks;
+use pinc_tube::{EllipsoidTube, Feedback, Sources, TubeUnits};
+
+const N: usize = 6;
+
+fn model() -> Rk4<FourTanks> {
+    Rk4::new(FourTanks::antonelo(), 10.0, 4)
+}
+
+fn problem() -> NmpcProblem {
+    let dims = Dims::new(4, 2);
+    NmpcProblem {
+        tracked: Tracked::states([0, 1]),
+        input_bounds: Bounds::new(vec![0.0; 2], vec![3.6; 2]),
+        ..NmpcProblem::new(dims, N, Weights::uniform(vec![10.0; 2], vec![1.0; 2]))
+    }
+}
+
+fn plain() -> Nmpc {
+    Nmpc::new(problem(), Box::new(model()), SqpConfig::default()).unwrap()
+}
+
+fn in_real_time() -> Nmpc {
+    let config = SqpConfig { real_time: true, ..SqpConfig::default() };
+    Nmpc::new(problem(), Box::new(model()), config).unwrap()
+}
+
+fn with_tube() -> Nmpc {
+    let sources = Sources { boxes: vec![0.05; 4], ..Sources::default() };
+    let units = TubeUnits { states: vec![10.0; 4], inputs: vec![4.0; 2] };
+    let dims = (model().dims(), N);
+    let tube = EllipsoidTube::new(dims, sources, None, Feedback::Riccati, units).unwrap();
+    let bounded = NmpcProblem {
+        state_bounds: Bounds::new(vec![2.0, 2.0, 0.6, 0.6], vec![9.0, 20.0, 5.5, 5.5]),
+        ..problem()
+    };
+    Nmpc::builder(bounded).model(Box::new(model())).tube(Box::new(tube)).build().unwrap()
+}
+
+fn save(nmpc: &mut Nmpc) -> Vec<f64> {
+    let mut numbers = Vec::new();
+    nmpc.remember(&mut Memory::save(&mut numbers));
+    numbers
+}
+
+/// A step at `x`, with the next one prepared, and where it leads.
+fn step(nmpc: &mut Nmpc, x: &mut Vec<f64>) -> Vec<u64> {
+    let u = nmpc.step(x, &[9.2, 14.2].repeat(N)).unwrap().u.to_vec();
+    nmpc.prepare();
+    let mut next = vec![0.0; 4];
+    model().step(x, &u, &[], &mut next);
+    // The plant is disturbed.
+    next.iter_mut().for_each(|level| *level += 0.02);
+    *x = next;
+    u.into_iter().map(f64::to_bits).collect()
+}
+
+/// Saving is no step and changes nothing, and what was restored goes on to the same bits.
+#[test]
+fn a_controller_goes_on_as_if_it_had_never_been_saved() {
+    for (what, controller) in
+        [("plain", plain as fn() -> Nmpc), ("in real time", in_real_time), ("tube", with_tube)]
+    {
+        let [mut whole, mut watched] = [controller(), controller()];
+        let start = vec![8.5, 13.0, 2.2, 2.2];
+        let [mut x, mut of_watched] = [start.clone(), start];
+        for k in 0..12 {
+            let numbers = save(&mut watched);
+            let (mut restored, mut of_restored) = (controller(), x.clone());
+            let mut memory = Memory::restore(&numbers);
+            restored.remember(&mut memory);
+            assert!(memory.is_complete(), "{what}, step {k}");
+            let bits = |numbers: &[f64]| numbers.iter().map(|n| n.to_bits()).collect::<Vec<_>>();
+            assert_eq!(bits(&save(&mut restored)), bits(&numbers), "{what}, step {k}");
+            let expected = step(&mut whole, &mut x);
+            assert_eq!(step(&mut watched, &mut of_watched), expected, "{what}, step {k}");
+            assert_eq!(
+                step(&mut restored, &mut of_restored),
+                expected,
+                "{what}, step {k}: restored"
+            );
+        }
+    }
+}
