@@ -205,21 +205,7 @@ mod tests {
     }
 
     fn program() -> Qp {
-        let [nx, nu, horizon, n_controls, n1] = [1; 5];
-        let [inequalities, equalities, outputs] = [0; 3];
-        let dims = OcpDims {
-            nx,
-            nu,
-            horizon,
-            n_controls,
-            n1,
-            inequalities,
-            equalities,
-            outputs,
-            feedthrough: 0,
-            tree: crate::Tree::CHAIN,
-        };
-        Qp::new(dims, vec![1.0], vec![1.0])
+        Qp::new(OcpDims::new(1, 1, 1), vec![1.0], vec![1.0])
     }
 
     /// The status, d and the number of solutions tried, with and without a fallback.

@@ -75,20 +75,7 @@ mod tests {
     use super::*;
 
     fn numbered(first: f64) -> (OcpDims, Multipliers) {
-        let (nx, nu, horizon, n_controls, n1) = (2, 1, 3, 2, 2);
-        let [inequalities, equalities, outputs] = [1, 0, 0];
-        let dims = OcpDims {
-            nx,
-            nu,
-            horizon,
-            n_controls,
-            n1,
-            inequalities,
-            equalities,
-            outputs,
-            feedthrough: 0,
-            tree: crate::Tree::CHAIN,
-        };
+        let dims = OcpDims { n_controls: 2, n1: 2, inequalities: 1, ..OcpDims::new(2, 1, 3) };
         let mut multipliers = Multipliers::new(dims);
         let mut number = first;
         for mu in multipliers.parts_mut().into_iter().flatten() {
