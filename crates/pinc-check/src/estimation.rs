@@ -157,7 +157,6 @@ fn along_the_loop(
 pub(crate) fn marks(rehearsal: &Rehearsal, step_s: f64) -> Vec<usize> {
     let mut marks: Vec<usize> = Vec::new();
     for (i, t) in rehearsal.trace.times().iter().enumerate() {
-        #[expect(clippy::cast_precision_loss, reason = "a few steps")]
         let due = marks.len() as f64 * step_s;
         if *t >= due - 1e-6 * step_s && marks.len() < MARKS {
             marks.push(i);

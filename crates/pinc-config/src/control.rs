@@ -411,7 +411,6 @@ fn integer_programs() -> usize {
     200
 }
 
-#[expect(clippy::trivially_copy_pass_by_ref, reason = "as serde calls it")]
 fn is_integer_programs(of: &usize) -> bool {
     *of == integer_programs()
 }
@@ -461,7 +460,6 @@ impl Profile {
     /// are not 1.
     #[must_use]
     pub fn factors(self, stages: usize, sample_time_s: f64) -> Option<Vec<f64>> {
-        #[expect(clippy::cast_precision_loss, reason = "no horizon has 2^53 stages")]
         let factor = |i: usize| (stages - i) as f64 * sample_time_s;
         (self == Self::Cumulative).then(|| (0..stages).map(factor).collect())
     }

@@ -393,7 +393,6 @@ pub fn steps(duration_s: f64, sample_time_s: f64) -> usize {
 pub(crate) fn step_at(time_s: f64, sample_time_s: f64) -> usize {
     #[expect(
         clippy::cast_possible_truncation,
-        clippy::cast_sign_loss,
         reason = "a number of steps that is not negative and fits into memory"
     )]
     let step = (time_s / sample_time_s).round() as usize;

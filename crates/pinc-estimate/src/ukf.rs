@@ -74,7 +74,6 @@ struct Weights {
 
 impl Weights {
     fn new(n: usize) -> Self {
-        #[expect(clippy::cast_precision_loss, reason = "no model has 2^53 states")]
         let n = n as f64;
         let scaled = ALPHA * ALPHA * (n + KAPPA);
         Self {

@@ -106,7 +106,6 @@ impl Loops<'_> {
         let mut failed = Vec::new();
         for (of, steps) in self.traces.iter().zip(&self.run.steps) {
             for step in steps.table.rows.iter().filter(|step| step.failed()) {
-                #[expect(clippy::cast_precision_loss, reason = "no run has 2^53 steps")]
                 let t = step.step as f64 * length;
                 let k = of.table.rows.partition_point(|row| row.t < t - 1e-6 * length);
                 failed.extend(of.table.rows.get(k).map(|row| (row.t, quantity(row, place))));

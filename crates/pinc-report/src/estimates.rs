@@ -108,7 +108,6 @@ fn caption(run: &Run, of: &OfModel<EstimateTable>) -> String {
     );
     let metrics = of.model.and_then(|model| run.metrics.as_ref()?.loop_with(model));
     if let Some(estimator) = metrics.and_then(|of| of.estimator.as_ref()) {
-        #[expect(clippy::cast_precision_loss, reason = "no plant has 2^53 states")]
         let states = estimator.estimate_rmse.len() as f64;
         caption += &mean("NIS", estimator.nis_mean, estimator.nis_expected);
         caption += &mean("NEES", estimator.nees_mean, states);

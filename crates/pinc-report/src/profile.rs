@@ -68,6 +68,5 @@ fn panel(run: &Run, states: &[String], array: &Range<usize>, rows: &Rows<'_>) ->
 /// The indices of the elements.
 fn indices(names: &[String]) -> Vec<f64> {
     let index = |name: &String| Variable::split_name(name).map_or(0, |(_, index)| index);
-    #[expect(clippy::cast_precision_loss, reason = "no array has 2^53 elements")]
     names.iter().map(|name| index(name) as f64).collect()
 }

@@ -25,7 +25,6 @@ pub(crate) fn picture(run: &Run) -> Option<Picture> {
 }
 
 /// A step's number on an axis.
-#[expect(clippy::cast_precision_loss, reason = "no run has 2^53 steps")]
 fn number(row: &StepRow) -> f64 {
     row.step as f64
 }
@@ -53,7 +52,6 @@ fn times(run: &Run) -> Panel {
 
 fn iterations(run: &Run) -> Panel {
     let mut panel = Panel::new("SQP iterations", Axis::new("iterations", Kind::Count), 130.0);
-    #[expect(clippy::cast_precision_loss, reason = "no step has 2^53 iterations")]
     add_with_failures(run, &mut panel, |row| row.sqp_iterations as f64);
     panel
 }

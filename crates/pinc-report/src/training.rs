@@ -35,7 +35,6 @@ pub(crate) fn picture(run: &Run) -> Option<Picture> {
 }
 
 /// A row's place on the axis.
-#[expect(clippy::cast_precision_loss, reason = "no training has 2^53 evaluations")]
 fn x(row: &TrainingRow) -> f64 {
     row.loss_evaluations as f64
 }

@@ -200,7 +200,6 @@ fn run_model(
 /// [`RunError::Failed`] if more control steps failed in a loop than the config allows.
 pub fn verdict(experiment: &Experiment, metrics: &Metrics) -> Result<(), RunError> {
     let Some(spec) = &experiment.control else { return Ok(()) };
-    #[expect(clippy::cast_precision_loss, reason = "no run has 2^53 steps")]
     let share = |of: &ControlMetrics| of.failed_steps() as f64 / of.steps() as f64;
     match metrics.control.iter().find(|of| share(of) > spec.max_failed_share) {
         None => Ok(()),
@@ -444,7 +443,6 @@ impl LoopSetup<'_> {
     fn reached(&self, run: &ClosedLoop<'_>) -> ReferenceMetrics {
         let within = self.settled_within(run);
         let segments = run.segments(&within);
-        #[expect(clippy::cast_precision_loss, reason = "no run has 2^53 steps")]
         let seconds = |steps: usize| steps as f64 * self.sample_time_s;
         let offsets = |i: usize| {
             let offsets = segments.iter().map(|segment| segment.offset[i]);

@@ -162,12 +162,11 @@ fn steps_of(
 ) -> Result<usize, (String, Problem)> {
     let Some(sample_time_s) = sample_time_s else { return Ok(1) };
     let steps = (duration_s / sample_time_s).round();
-    #[expect(clippy::cast_precision_loss, reason = "far fewer than 2^53")]
     if steps > STEPS as f64 {
         let expected = format!("{STEPS} steps of T = {sample_time_s} s at most");
         value(key, format!("{duration_s:?}"), &expected)?;
     }
-    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "checked above")]
+    #[expect(clippy::cast_possible_truncation, reason = "checked above")]
     Ok(steps as usize)
 }
 

@@ -111,7 +111,6 @@ fn scale(multipliers: &Multipliers) -> f64 {
         }
         count += part.len();
     }
-    #[expect(clippy::cast_precision_loss, reason = "far below 2^53 multipliers")]
     let mean = sums.iter().sum::<f64>() / count as f64;
     (mean / LARGE_MULTIPLIER).max(1.0)
 }

@@ -149,7 +149,6 @@ fn input(first: &Run, loops: &[Loop<'_>], place: usize, name: &str) -> Panel {
 
 fn training(runs: &[Compared]) -> Option<Picture> {
     let rows = |of: &Compared| of.run.training.clone().unwrap_or_default();
-    #[expect(clippy::cast_precision_loss, reason = "no training has 2^53 evaluations")]
     let curve = |of: &Compared, value: fn(&TrainingRow) -> Option<f64>| {
         let point =
             |row: &TrainingRow| (row.loss_evaluations as f64, value(row).unwrap_or(f64::NAN));
@@ -182,7 +181,6 @@ fn steps(runs: &[Compared]) -> Option<Picture> {
     for (i, (run, of)) in all.enumerate() {
         let dots = Style::new(state_color(i), Shape::Dots(2.2)).faint(0.7);
         let name = run.named(of, &run.run.steps);
-        #[expect(clippy::cast_precision_loss, reason = "no run has 2^53 steps")]
         let points = |value: fn(&pinc_record::StepRow) -> f64| -> Vec<Point> {
             of.table.rows.iter().map(|row| (row.step as f64, value(row))).collect()
         };

@@ -135,7 +135,6 @@ impl Barrier {
         let Newton { lambda, slope, defect, .. } = &self.newton;
         let sum = self.sides.iter().map(|side| side.mu).sum::<f64>()
             + lambda.iter().map(|lambda| lambda.abs()).sum::<f64>();
-        #[expect(clippy::cast_precision_loss, reason = "far below 2^53 multipliers")]
         let mean = sum / (self.sides.len() + lambda.len()).max(1) as f64;
         let scale = (mean / LARGE_MULTIPLIER).max(1.0);
         let unmet = self.equalities.iter().map(|(_, bound)| bound.abs());
