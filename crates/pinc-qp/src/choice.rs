@@ -85,12 +85,7 @@ impl QpMethod {
 /// The serialized name, as `condensed`.
 impl fmt::Display for QpMethod {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(match self {
-            Self::Auto => "auto",
-            Self::Condensed => "condensed",
-            Self::Riccati => "riccati",
-            Self::Clarabel => "clarabel",
-        })
+        self.serialize(f)
     }
 }
 
