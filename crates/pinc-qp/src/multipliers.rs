@@ -70,6 +70,15 @@ impl Multipliers {
     }
 }
 
+/// By what residuals that are proportional to the cost are divided, from the sum of the absolute
+/// values of `count` multipliers: max(1, mean / 100), as in IPOPT (Waechter and Biegler, Math.
+/// Program. 106 (2006), Eq. 6).
+#[must_use]
+pub fn residual_scale(sum: f64, count: usize) -> f64 {
+    const LARGE: f64 = 100.0;
+    (sum / count.max(1) as f64 / LARGE).max(1.0)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
