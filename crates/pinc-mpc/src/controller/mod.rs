@@ -201,9 +201,7 @@ impl Nmpc {
         check_finite("parameters", p, self.parameters.len())?;
         self.parameters.copy_from_slice(p);
         self.sqp.set_parameters(p);
-        if self.phase == Phase::Linearized {
-            self.phase = Phase::Shifted;
-        }
+        self.begin_anew();
         Ok(())
     }
 
