@@ -82,7 +82,7 @@ fn run(task: Task, estimator: Option<(Augmentation, Tuning)>) -> Answer {
         segments.iter().map(|segment| segment.offset.clone()).collect(),
         segments.iter().map(|segment| segment.settled).collect(),
     );
-    Answer { iae, offsets, settled, history: feedback.map(OutputFeedback::into_history) }
+    Answer { iae, offsets, settled, history: feedback.map(|of| of.history().clone()) }
 }
 
 fn staircase<const N: usize>(
