@@ -328,19 +328,6 @@ impl ControlSpec {
         widths.map(|width| if width.is_finite() && width > 0.0 { width } else { 1.0 }).collect()
     }
 
-    /// A bound by its key and its place; infinite if there is none.
-    pub(crate) fn bound(&self, key: &str, place: usize) -> f64 {
-        let side = match key {
-            "state_low" => self.state_low.as_deref(),
-            "state_high" => self.state_high.as_deref(),
-            "output_low" => self.output_low.as_deref(),
-            "output_high" => self.output_high.as_deref(),
-            "input_low" => Some(&self.input_low[..]),
-            _ => Some(&self.input_high[..]),
-        };
-        side.and_then(|side| side.get(place).copied()).unwrap_or(f64::INFINITY)
-    }
-
     /// The bounds of all outputs, those that are states among them, which have none here.
     fn output_bounds(&self, variables: &Variables) -> Option<Bounds> {
         if self.output_low.is_none() && self.output_high.is_none() {

@@ -115,7 +115,6 @@ fn training(experiment: &Experiment) -> Checked {
 
 fn controller(spec: &ControlSpec, dims: Dims) -> Checked {
     at_most("control.n2", spec.n2, HORIZON)?;
-    at_most("control.delay_steps", spec.delay_steps, PARTS)?;
     at_most("control.sqp.max_iterations", spec.sqp.max_iterations, 1_000_000)?;
     at_most("control.sqp.starts", spec.sqp.starts, 10_000)?;
     for integrator in Integrator::ALL {
