@@ -32,12 +32,7 @@ pub(crate) fn pictures(run: &Run, variables: &Variables) -> Vec<Picture> {
     let t = extent(times);
     let axis = run.time_axis(t);
     let figure = Figure::stack("Closed loop", axis, loops.panels());
-    let mut pictures = vec![Picture {
-        stem: "control".to_owned(),
-        title: "Closed loop".to_owned(),
-        caption: loops.caption(),
-        figure,
-    }];
+    let mut pictures = vec![Picture::new("control", "Closed loop", figure, loops.caption())];
     let close_ups = loops.close_ups(&pictures[0].figure, t);
     pictures.extend(close_ups);
     pictures
@@ -115,8 +110,7 @@ impl Loops<'_> {
     }
 
     fn state_panel(&self, title: &str, states: &[String], height: f64) -> Panel {
-        let label = self.run.axis_label(states);
-        let mut panel = Panel::new(title, Axis::new(&label, Kind::Linear), height);
+        let mut panel = self.run.panel(title, states, height);
         self.add_references(&mut panel, states);
         let places = || states.iter().map(|name| (name, self.variables.index_of(name)));
         for (name, place) in places() {
@@ -181,8 +175,7 @@ impl Loops<'_> {
     }
 
     fn input_panel(&self, title: &str, inputs: &[String]) -> Panel {
-        let label = self.run.axis_label(inputs);
-        let mut panel = Panel::new(title, Axis::new(&label, Kind::Linear), 150.0);
+        let mut panel = self.run.panel(title, inputs, 150.0);
         let steps = |table: &ControlTrace, i| held_until_next(&points(table, input, i));
         let places = || inputs.iter().map(|name| (name, self.variables.input_index_of(name)));
         for (name, i) in places() {
@@ -291,12 +284,9 @@ impl Loops<'_> {
         }
         figure.name = format!("Closed loop from {window}");
         figure.x.range = Some((from, to));
-        Picture {
-            stem: format!("control-{from}-{to}"),
-            title: format!("Closed loop: {window}"),
-            figure,
-            caption: "A part of the picture above, enlarged. From the same files.".to_owned(),
-        }
+        let (stem, title) = (format!("control-{from}-{to}"), format!("Closed loop: {window}"));
+        let caption = "A part of the picture above, enlarged. From the same files.";
+        Picture::new(stem, title, figure, caption)
     }
 
     fn caption(&self) -> String {

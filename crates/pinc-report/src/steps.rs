@@ -16,12 +16,7 @@ pub(crate) fn picture(run: &Run) -> Option<Picture> {
     let axis = Axis::ranged("control step k", Kind::Linear, (first - 0.5, last + 0.5));
     let panels = vec![times(run), iterations(run), residuals(run)];
     let figure = Figure::stack("The controller step by step", axis, panels);
-    Some(Picture {
-        stem: "steps".to_owned(),
-        title: "Controller per step".to_owned(),
-        caption: caption(run),
-        figure,
-    })
+    Some(Picture::new("steps", "Controller per step", figure, caption(run)))
 }
 
 /// A step's number on an axis.

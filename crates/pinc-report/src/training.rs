@@ -26,12 +26,7 @@ pub(crate) fn picture(run: &Run) -> Option<Picture> {
     let axis = Axis::ranged(X_LABEL, Kind::Linear, (0.0, extent(rows.iter().map(x)).1));
     let mut figure = Figure::stack("Training curves", axis, vec![loss, gradient]);
     figure.events = events(run, rows);
-    Some(Picture {
-        stem: "training".to_owned(),
-        title: "Training".to_owned(),
-        caption: caption(rows, best),
-        figure,
-    })
+    Some(Picture::new("training", "Training", figure, caption(rows, best)))
 }
 
 /// A row's place on the axis.

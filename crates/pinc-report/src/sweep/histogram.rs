@@ -47,8 +47,7 @@ pub(super) fn picture(trials: &Trials, metric: &Metric) -> Option<Picture> {
         sizes(trials.cells()),
         medians_of_cells.join("; ")
     );
-    let (stem, title) = (metric.stem.to_owned(), metric.title.to_owned());
-    Some(Picture { stem, title, figure, caption })
+    Some(Picture::new(metric.stem, metric.title, figure, caption))
 }
 
 fn panel(trials: &Trials, metric: &Metric, cell: &Cell, bins: &Bins) -> Panel {
