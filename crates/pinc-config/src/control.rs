@@ -1,10 +1,9 @@
 //! The `[control]` section.
 
 use crate::estimator::{EstimatorSpec, MeasurementSpec};
-use crate::free_time;
 use crate::{
     BoundStep, CostSpec, LoadSpec, ModelKind, ParameterStep, PlantSpec, ScenarioSpec,
-    UncertaintySpec, Variables,
+    UncertaintySpec, Variables, free_time,
 };
 use pinc_mpc::{Bounds, NmpcProblem, Softness, SqpConfig, Tracked, Weight, Weights};
 use pinc_ode::Variable;

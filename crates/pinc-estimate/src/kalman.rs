@@ -1,10 +1,9 @@
 //! The covariance of a Kalman filter.
 
-use crate::EstimatorStatus;
 use crate::estimator::{limit, variances, write_diagonal};
 use crate::gate::{Gatekeeper, Judgement};
 use crate::matrix::{add_scaled, dot, factor, multiply, propagate, solve_lower};
-use crate::{Correction, Tuning};
+use crate::{Correction, EstimatorStatus, Tuning};
 use pinc_mpc::Memory;
 use pinc_qp::{all_finite, symmetrize};
 

@@ -1,8 +1,10 @@
 //! The equations of a plant, as text or in Rust, for all that reads them as a graph.
 
 use crate::plant_graph::PlantGraph;
-use crate::rust_plant;
-use crate::{CostExpressions, CriticalTerms, Equations, ExpressionError, ExpressionPlant, Listing};
+use crate::{
+    CostExpressions, CriticalTerms, Equations, ExpressionError, ExpressionPlant, Listing,
+    rust_plant,
+};
 use pinc_ode::{DynPlant, Plant};
 use std::collections::BTreeMap;
 use std::fmt::Debug;

@@ -4,10 +4,9 @@ use crate::data::{OfModel, Run};
 use crate::picture::Picture;
 use crate::traces::{CloseUp, ControlTrace};
 use crate::variables::{EQUAL, Variables, by_axis};
-use pinc_chart::text;
 use pinc_chart::{
     AMBER, Axis, Color, Figure, INK, Kind, Look, Panel, Point, Shape, Style, extent,
-    held_since_previous, held_until_next, input_color, present, state_color,
+    held_since_previous, held_until_next, input_color, present, state_color, text,
 };
 use pinc_config::ControlSpec;
 use pinc_mpc::Bounded;

@@ -2,9 +2,9 @@
 
 use crate::data::{OfModel, Run};
 use crate::picture::Picture;
-use pinc_chart::text;
 use pinc_chart::{
     AMBER, Axis, BLUE, Figure, INK, Kind, Panel, Point, Shape, Style, extent, present, state_color,
+    text,
 };
 use pinc_record::{EstimateRow, EstimateTable};
 

@@ -3,10 +3,9 @@
 use crate::data::Run;
 use crate::picture::Picture;
 use crate::variables::{Variables, by_axis};
-use pinc_chart::text;
 use pinc_chart::{
     Axis, BLACK, Event, Figure, Kind, Look, Panel, Point, Shape, Style, extent, held_until_next,
-    input_color, present, state_color, state_mark,
+    input_color, present, state_color, state_mark, text,
 };
 use pinc_ode::Variable;
 use pinc_record::{PredictionRow, PredictionTable, file};

@@ -2,8 +2,9 @@
 
 use crate::data::Run;
 use crate::picture::Picture;
-use pinc_chart::text;
-use pinc_chart::{AMBER, Axis, BLACK, BLUE, Figure, Kind, Panel, Shape, Style, extent, present};
+use pinc_chart::{
+    AMBER, Axis, BLACK, BLUE, Figure, Kind, Panel, Shape, Style, extent, present, text,
+};
 use pinc_record::StepRow;
 
 /// The controller step by step, if there was a closed loop.

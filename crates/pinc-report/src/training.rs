@@ -2,10 +2,9 @@
 
 use crate::data::Run;
 use crate::picture::Picture;
-use pinc_chart::text;
 use pinc_chart::{
     Axis, BLACK, BLUE, Event, Figure, GREEN, Kind, Label, PURPLE, Panel, Point, SKY, Shape, Style,
-    VERMILLION, extent, present,
+    VERMILLION, extent, present, text,
 };
 use pinc_net::optim::OptimizerConfig;
 use pinc_record::{TrainingRow, file};

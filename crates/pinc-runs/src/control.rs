@@ -1,12 +1,10 @@
 //! The closed-loop stage: the plant under the controller, with one model after the other.
 
-use super::Options;
 use super::feedback::{self, TimedFeedback};
 use super::first_plan::first_plan;
 use super::guard::Guard;
-use super::loop_error;
-use super::model_error;
 use super::recording::{Recording, Totals, TraceColumns, write_medians};
+use super::{Options, loop_error, model_error};
 use crate::RunError;
 use crate::progress::Stage;
 use pinc_check::{Metered, Rehearsal, Work};

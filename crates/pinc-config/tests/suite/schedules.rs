@@ -2,8 +2,7 @@
 
 use crate::common::{parse, read};
 use pinc_config::{ControlSpec, Experiment};
-use pinc_mpc::Bounded;
-use pinc_mpc::NmpcProblem;
+use pinc_mpc::{Bounded, NmpcProblem};
 use std::fs;
 
 /// A loop of 8 steps of 0.5 s.

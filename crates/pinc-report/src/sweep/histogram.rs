@@ -4,8 +4,9 @@ use super::metric::Metric;
 use super::sizes;
 use crate::picture::Picture;
 use crate::trials::{Cell, Trials};
-use pinc_chart::text;
-use pinc_chart::{Area, Axis, Figure, Fill, Key, Kind, Look, Panel, extent, places, state_color};
+use pinc_chart::{
+    Area, Axis, Figure, Fill, Key, Kind, Look, Panel, extent, places, state_color, text,
+};
 use pinc_record::TrialMetric;
 
 const BINS: usize = 20;

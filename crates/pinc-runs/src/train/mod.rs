@@ -1,9 +1,8 @@
 //! The training stage: from a config to `model.safetensors` and `training.csv`.
 
-use super::Options;
-use super::domain_error;
 use super::proof::{self, Attempt, Certificate};
 use super::training_setup::{TrainerInputs, TrainingSetup};
+use super::{Options, domain_error};
 use crate::RunError;
 use crate::progress::{Stage, Verbosity};
 use pinc_config::{Effort, Experiment};
