@@ -11,8 +11,7 @@ use pinc_estimate::{
 use pinc_loop::ClosedLoop;
 use pinc_mpc::{Bounds, Nmpc, NmpcProblem, Reference, SqpConfig, SqpStatus, Tracked, Weights};
 use pinc_net::Domain;
-use pinc_ode::Variable;
-use pinc_ode::{Dopri5, Model, PiecewiseConstant, Plant, Rk4};
+use pinc_ode::{Dopri5, Model, PiecewiseConstant, Plant, Rk4, Variable};
 use pinc_plants::{FourTanks, VanDerPol};
 use trained::train;
 
@@ -82,7 +81,7 @@ fn run(task: Task, estimator: Option<(Augmentation, Tuning)>) -> Answer {
         segments.iter().map(|segment| segment.offset.clone()).collect(),
         segments.iter().map(|segment| segment.settled).collect(),
     );
-    Answer { iae, offsets, settled, history: feedback.map(OutputFeedback::into_history) }
+    Answer { iae, offsets, settled, history: feedback.map(|of| of.history().clone()) }
 }
 
 fn staircase<const N: usize>(

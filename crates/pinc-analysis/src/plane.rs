@@ -30,7 +30,6 @@ pub struct Plane {
 #[must_use]
 pub fn common_plane(samples: &[Vec<f64>], widths: &[f64]) -> Option<Plane> {
     let p = widths.len();
-    #[expect(clippy::cast_precision_loss, reason = "a few samples")]
     let count = samples.len() as f64;
     let mean: Vec<f64> =
         (0..p).map(|i| samples.iter().map(|y| y[i]).sum::<f64>() / count).collect();

@@ -83,7 +83,6 @@ impl StabilityFunction {
     /// (in 1/s); `None` if a million are not.
     #[must_use]
     pub fn stable_substeps(&self, modes: &[Complex], step_s: f64) -> Option<usize> {
-        #[expect(clippy::cast_precision_loss, reason = "a million at most")]
         let stable = |n: usize| self.is_stable(modes, step_s / n as f64);
         let mut high = 1;
         while !stable(high) {

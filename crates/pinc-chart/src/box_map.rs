@@ -85,7 +85,7 @@ impl BoxMap<'_> {
         let cells = self.largest((across, up), self.cells);
         let side = |variable: usize, place: usize| {
             let [low, high] = self.domain[variable];
-            let at = |place: usize| low + (high - low) * count(place) / count(self.cells);
+            let at = |place: usize| low + (high - low) * place as f64 / self.cells as f64;
             (at(place), at(place + 1))
         };
         let log = |value: f64| value.is_finite().then(|| value.max(LEAST).log10());
@@ -149,20 +149,11 @@ const LEAST: f64 = 1e-16;
 
 /// The cells of a range that a part of it covers, at least one.
 fn covered([low, high]: [f64; 2], part: [f64; 2], size: usize) -> std::ops::Range<usize> {
-    let share = |value: f64| (value - low) / (high - low) * count(size);
-    #[expect(
-        clippy::cast_possible_truncation,
-        clippy::cast_sign_loss,
-        reason = "a place on the grid"
-    )]
+    let share = |value: f64| (value - low) / (high - low) * size as f64;
+    #[expect(clippy::cast_possible_truncation, reason = "a place on the grid")]
     let [first, last] = [share(part[0]).floor() as usize, share(part[1]).ceil() as usize];
     let first = first.min(size - 1);
     first..last.clamp(first + 1, size)
-}
-
-#[expect(clippy::cast_precision_loss, reason = "a few thousand")]
-fn count(n: usize) -> f64 {
-    n as f64
 }
 
 #[cfg(test)]

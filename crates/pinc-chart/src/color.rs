@@ -81,7 +81,6 @@ pub fn graded(fraction: f64) -> Color {
 
 #[expect(
     clippy::cast_possible_truncation,
-    clippy::cast_sign_loss,
     reason = "between two colours' channels, and a cast saturates"
 )]
 fn mixed(a: u8, b: u8, s: f64) -> u8 {

@@ -4,14 +4,13 @@ use crate::color::{GRID, INK};
 use crate::curve::{Frame, Point, pieces, simplified, thinned};
 use crate::figure::{Area, Figure, Look, Panel, Series, Span, limit_style};
 use crate::flags::Flag;
-use crate::labels;
 use crate::layout::{
     LABEL, LANE, LINE, Layout, Placed, PlacedKey, SWATCH, Scales, TICK, TITLE, WIDTH,
     label_distance, label_lines, names_below, small, ticks, ticks_across, ticks_upwards,
 };
 use crate::scale::{Scale, Tick};
 use crate::svg::{self, Anchor, Canvas, Shape, Style, Word};
-use crate::text;
+use crate::{labels, text};
 
 /// Marks are thinned only where there are more than anyone could see.
 const MOST_MARKS: usize = 4000;

@@ -290,7 +290,6 @@ pub(crate) fn ticks_across(width: f64) -> usize {
     (2..=12).rfind(|n| small(*n) <= width / 56.0).unwrap_or(2)
 }
 
-#[expect(clippy::cast_precision_loss, reason = "counts rows and ticks")]
 pub(crate) fn small(count: usize) -> f64 {
     count as f64
 }

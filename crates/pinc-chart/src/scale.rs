@@ -106,13 +106,12 @@ impl Scale {
     }
 
     fn linear_ticks(&self, wanted: usize) -> Vec<Tick> {
-        let mut step = nice((self.high - self.low) / small(wanted.max(1)));
+        let mut step = nice((self.high - self.low) / wanted.max(1) as f64);
         if self.kind == Kind::Count {
             step = step.max(1.0);
         }
         let multiples = whole((self.low / step).ceil())..=whole((self.high / step).floor());
         let tick = |i: i64| {
-            #[expect(clippy::cast_precision_loss, reason = "a tick's number is small")]
             let value = i as f64 * step;
             Tick {
                 fraction: (value - self.low) / (self.high - self.low),
@@ -124,9 +123,9 @@ impl Scale {
 
     fn log_ticks(&self, wanted: usize) -> Vec<Tick> {
         let decades = self.high - self.low;
-        let every = whole((decades / small(wanted.max(1))).ceil()).max(1);
+        let every = whole((decades / wanted.max(1) as f64).ceil()).max(1);
         let mantissas: &[u8] = match decades {
-            d if d < 2.0 && 3.0 * d <= 1.5 * small(wanted) => &[1, 2, 5],
+            d if d < 2.0 && 3.0 * d <= 1.5 * wanted as f64 => &[1, 2, 5],
             _ => &[1],
         };
         let (low, high) = self.range();
@@ -205,11 +204,6 @@ fn whole(value: f64) -> i64 {
 
 fn whole_size(value: f64) -> usize {
     usize::try_from(whole(value)).unwrap_or(0)
-}
-
-#[expect(clippy::cast_precision_loss, reason = "counts ticks")]
-fn small(count: usize) -> f64 {
-    count as f64
 }
 
 #[cfg(test)]

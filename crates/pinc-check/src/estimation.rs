@@ -14,9 +14,18 @@ const MARKS: usize = 100;
 /// Variables that take part in a mode by less than this are not named.
 const PART: f64 = 0.01;
 
+/// The estimator of the loop, and what it is for.
+#[derive(Clone, Copy)]
+struct Estimating<'a> {
+    subject: &'a Subject<'a>,
+    control: &'a ControlSpec,
+    estimator: &'a EstimatorSpec,
+}
+
 pub(crate) fn examine(subject: &Subject<'_>) -> Vec<Finding> {
     let Some(control) = &subject.experiment.control else { return Vec::new() };
     let Some(estimator) = &control.estimator else { return Vec::new() };
+    let estimating = Estimating { subject, control, estimator };
     let variables = Variables::of(subject.plant);
     let measurement = control.measurement.clone().unwrap_or_default();
     let measured = measurement.names(&variables);
@@ -36,14 +45,14 @@ pub(crate) fn examine(subject: &Subject<'_>) -> Vec<Finding> {
     let points = subject.operating_points();
     // A plant that moves on while its references are kept is looked at along its way.
     if !points.is_empty() && points.iter().all(|operating| !operating.is_steady) {
-        findings.extend(along_the_loop(subject, control, estimator, &names));
+        findings.extend(along_the_loop(estimating, &names));
         return findings;
     }
     for Operating { name: place, point, is_steady } in points {
         if !is_steady {
             continue;
         }
-        let found = at_rest(subject, control, estimator, &names, point);
+        let found = at_rest(estimating, &names, point);
         let here = found.into_iter().map(|finding| Finding { place: place.clone(), ..finding });
         let here: Vec<_> = here.collect();
         // One point is enough: the others would repeat it.
@@ -101,20 +110,14 @@ fn offset(
 }
 
 /// The conditions at a steady state.
-fn at_rest(
-    subject: &Subject<'_>,
-    control: &ControlSpec,
-    estimator: &EstimatorSpec,
-    names: &[String],
-    point: &OperatingPoint,
-) -> Vec<Finding> {
+fn at_rest(of: Estimating<'_>, names: &[String], point: &OperatingPoint) -> Vec<Finding> {
     let mut findings = Vec::new();
-    if let Some(mode) = unseen(subject, control, estimator, point).into_iter().next() {
+    if let Some(mode) = unseen(of, point).into_iter().next() {
         findings.push(undetectable(&mode, names));
     }
-    let unstable = StateSpace::tangent(subject.plant, point, &[0])
+    let unstable = StateSpace::tangent(of.subject.plant, point, &[0])
         .is_some_and(|plant| plant.eigenvalues().iter().any(|value| value.re > 0.0));
-    if unstable && estimator.disturbance == DisturbanceSpec::Output {
+    if unstable && of.estimator.disturbance == DisturbanceSpec::Output {
         let what = "output disturbances with an unstable steady state";
         findings.push(
             Finding::warning(SECTION, what)
@@ -129,18 +132,13 @@ fn at_rest(
 }
 
 /// What cannot be told apart along the rehearsed loop.
-fn along_the_loop(
-    subject: &Subject<'_>,
-    control: &ControlSpec,
-    estimator: &EstimatorSpec,
-    names: &[String],
-) -> Vec<Finding> {
-    let Some(Ok(rehearsal)) = &subject.evidence.rehearsal else { return Vec::new() };
+fn along_the_loop(of: Estimating<'_>, names: &[String]) -> Vec<Finding> {
+    let Some(Ok(rehearsal)) = &of.subject.evidence.rehearsal else { return Vec::new() };
     let trace = &rehearsal.trace;
-    let marks = marks(rehearsal, subject.step_s());
+    let marks = marks(rehearsal, of.subject.step_s());
     let at = |&i: &usize| {
         let (x, u) = (trace.state(i).to_vec(), trace.input(i).to_vec());
-        linearized(subject, control, estimator, &OperatingPoint { x, u })
+        linearized(of, &OperatingPoint { x, u })
     };
     let steps: Vec<(Vec<f64>, Vec<f64>)> = marks.iter().map_while(at).collect();
     let Some(unseen) = unseen_along(&steps, names.len()) else {
@@ -157,7 +155,6 @@ fn along_the_loop(
 pub(crate) fn marks(rehearsal: &Rehearsal, step_s: f64) -> Vec<usize> {
     let mut marks: Vec<usize> = Vec::new();
     for (i, t) in rehearsal.trace.times().iter().enumerate() {
-        #[expect(clippy::cast_precision_loss, reason = "a few steps")]
         let due = marks.len() as f64 * step_s;
         if *t >= due - 1e-6 * step_s && marks.len() < MARKS {
             marks.push(i);
@@ -167,25 +164,16 @@ pub(crate) fn marks(rehearsal: &Rehearsal, step_s: f64) -> Vec<usize> {
 }
 
 /// The modes of the estimator's model that it cannot see, at a steady state.
-fn unseen(
-    subject: &Subject<'_>,
-    control: &ControlSpec,
-    estimator: &EstimatorSpec,
-    point: &OperatingPoint,
-) -> Vec<UnseenMode> {
-    let Some((a, c)) = linearized(subject, control, estimator, point) else { return Vec::new() };
+fn unseen(of: Estimating<'_>, point: &OperatingPoint) -> Vec<UnseenMode> {
+    let Some((a, c)) = linearized(of, point) else { return Vec::new() };
     let states = a.len().isqrt();
     unseen_modes(&a, &c, states)
 }
 
 /// A and C of the estimator's model at a point, in sizes that the tuning says; `None` if there is no
 /// such model.
-fn linearized(
-    subject: &Subject<'_>,
-    control: &ControlSpec,
-    estimator: &EstimatorSpec,
-    point: &OperatingPoint,
-) -> Option<(Vec<f64>, Vec<f64>)> {
+fn linearized(of: Estimating<'_>, point: &OperatingPoint) -> Option<(Vec<f64>, Vec<f64>)> {
+    let Estimating { subject, control, estimator } = of;
     let variables = Variables::of(subject.plant);
     let measurement = control.measurement.clone().unwrap_or_default();
     let LoopParameters { names, values, estimated } = subject.experiment.loop_parameters();

@@ -105,7 +105,6 @@ type Scenario = (Vec<f64>, Vec<Vec<f64>>);
 
 fn simulate(subject: &Subject<'_>, runs: &[Scenario], findings: &mut Vec<Finding>) -> Extent {
     let mut extent = Extent::default();
-    #[expect(clippy::cast_precision_loss, reason = "nine")]
     let part = subject.step_s() / SAMPLES as f64;
     let mut broken = 0;
     let mut first = None;

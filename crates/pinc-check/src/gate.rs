@@ -177,7 +177,6 @@ fn widths(sensors: &[Sensor]) -> Finding {
 fn rejections(subject: &Subject<'_>, sensor: &Sensor, steps: usize) -> Option<Finding> {
     let Sensor { name, unit, rejected, .. } = sensor;
     let first = rejected.first()?;
-    #[expect(clippy::cast_precision_loss, reason = "a few steps")]
     let time = subject.time(first.step as f64 * subject.step_s());
     let what = format!(
         "{} of {steps} readings of {name} in the rehearsed loop, which has no noise, are rejected: \

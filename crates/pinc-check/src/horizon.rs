@@ -44,7 +44,6 @@ fn finding(subject: &Subject<'_>, control: &ControlSpec, i: usize, share: f64) -
         subject.time(horizon),
         short(share)
     );
-    #[expect(clippy::cast_precision_loss, reason = "a few steps")]
     let (key, change) = match &control.stages_s {
         Some(_) => {
             let needed = subject.time(0.5 / share * horizon);

@@ -66,7 +66,6 @@ fn reversed(
     plant: &PlantInTheLoop,
     step_s: f64,
 ) -> Finding {
-    #[expect(clippy::cast_precision_loss, reason = "no loop has 2^53 steps")]
     let from = match plant.from_step {
         0 => String::new(),
         step => format!(" from {} on", subject.time(step as f64 * step_s)),
@@ -98,7 +97,6 @@ struct Case {
 /// All of them that the plant of the models can hold, each value once per plant.
 fn cases(subject: &Subject<'_>, control: &ControlSpec, step_s: f64) -> Vec<Case> {
     let plants = plants(subject, step_s);
-    #[expect(clippy::cast_precision_loss, reason = "no loop has 2^53 steps")]
     let mut starts: Vec<f64> = plants.iter().map(|p| p.from_step as f64 * step_s).collect();
     starts.push(control.duration_s);
     let held: Vec<&[f64]> = subject

@@ -42,7 +42,6 @@ pub(crate) fn examine(subject: &Subject<'_>) -> Vec<Finding> {
     let what = format!(
         "{failed} of {steps} steps of the closed loop with {model} fail, most with the status {worst}"
     );
-    #[expect(clippy::cast_precision_loss, reason = "no loop has 2^53 steps")]
     let share = failed as f64 / steps as f64;
     if share <= control.max_failed_share {
         return vec![Finding::fact("control", what)];

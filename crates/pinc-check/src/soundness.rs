@@ -160,7 +160,6 @@ impl<'a> IntegratorBox<'a> {
     #[must_use]
     pub fn soundness(&self, integrator: Integrator, substeps: usize) -> Soundness {
         let unstable = StabilityFunction::of(integrator).map_or(0, |stability| {
-            #[expect(clippy::cast_precision_loss, reason = "a few substeps")]
             let step_s = self.step_s / substeps as f64;
             self.modes.iter().filter(|modes| !stability.is_stable(modes, step_s)).count()
         });

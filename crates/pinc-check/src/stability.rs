@@ -282,7 +282,6 @@ fn stable_substeps(
         && n > substeps
     {
         let fastest = modes(subject, point).map_or(0.0, |modes| TimeScales::of(&modes).fastest);
-        #[expect(clippy::cast_precision_loss, reason = "a few substeps")]
         let size = fastest * step / substeps as f64;
         let what = format!(
             "{substeps} substeps are unstable at {name}, {}: the fastest mode times a substep is \

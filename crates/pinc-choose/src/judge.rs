@@ -89,7 +89,6 @@ impl Score {
     pub fn of(metrics: &Metrics) -> Option<Self> {
         let run = metrics.control.first()?;
         let step = metrics.one_step.first();
-        #[expect(clippy::cast_precision_loss, reason = "no run has 2^53 steps")]
         let share = |steps: usize| steps as f64 / run.steps().max(1) as f64;
         Some(Self {
             iae: run.iae_dense_sum,
@@ -111,7 +110,6 @@ impl Score {
 
     /// How often the loop is to be run, `wanted` times or more, for its time to be worth something.
     pub(crate) fn repetitions(&self, wanted: usize) -> usize {
-        #[expect(clippy::cast_precision_loss, reason = "no run has 2^53 steps")]
         let is_enough = |n: &usize| (n * self.steps) as f64 * self.p50_us >= MEASURED_US;
         (wanted..MOST_REPETITIONS).find(is_enough).unwrap_or(wanted.max(MOST_REPETITIONS))
     }

@@ -9,12 +9,11 @@
 //! number for all elements of `T`, or `[[300.0, 301.0, ..], 0.0]`, or a list of 21 numbers.
 
 use crate::explain::explain;
-use crate::layers;
 use crate::plant::PlantSpec;
 use crate::plants::Plants;
 use crate::problem::Problem;
 use crate::registry::names;
-use crate::validate;
+use crate::{layers, validate};
 use pinc_expr::Equations;
 use pinc_ode::Variable;
 use std::collections::BTreeMap;

@@ -1,10 +1,9 @@
 //! The `[control]` section.
 
 use crate::estimator::{EstimatorSpec, MeasurementSpec};
-use crate::free_time;
 use crate::{
     BoundStep, CostSpec, LoadSpec, ModelKind, ParameterStep, PlantSpec, ScenarioSpec,
-    UncertaintySpec, Variables,
+    UncertaintySpec, Variables, free_time,
 };
 use pinc_mpc::{Bounds, NmpcProblem, Softness, SqpConfig, Tracked, Weight, Weights};
 use pinc_ode::Variable;
@@ -328,19 +327,6 @@ impl ControlSpec {
         widths.map(|width| if width.is_finite() && width > 0.0 { width } else { 1.0 }).collect()
     }
 
-    /// A bound by its key and its place; infinite if there is none.
-    pub(crate) fn bound(&self, key: &str, place: usize) -> f64 {
-        let side = match key {
-            "state_low" => self.state_low.as_deref(),
-            "state_high" => self.state_high.as_deref(),
-            "output_low" => self.output_low.as_deref(),
-            "output_high" => self.output_high.as_deref(),
-            "input_low" => Some(&self.input_low[..]),
-            _ => Some(&self.input_high[..]),
-        };
-        side.and_then(|side| side.get(place).copied()).unwrap_or(f64::INFINITY)
-    }
-
     /// The bounds of all outputs, those that are states among them, which have none here.
     fn output_bounds(&self, variables: &Variables) -> Option<Bounds> {
         if self.output_low.is_none() && self.output_high.is_none() {
@@ -411,7 +397,6 @@ fn integer_programs() -> usize {
     200
 }
 
-#[expect(clippy::trivially_copy_pass_by_ref, reason = "as serde calls it")]
 fn is_integer_programs(of: &usize) -> bool {
     *of == integer_programs()
 }
@@ -461,7 +446,6 @@ impl Profile {
     /// are not 1.
     #[must_use]
     pub fn factors(self, stages: usize, sample_time_s: f64) -> Option<Vec<f64>> {
-        #[expect(clippy::cast_precision_loss, reason = "no horizon has 2^53 stages")]
         let factor = |i: usize| (stages - i) as f64 * sample_time_s;
         (self == Self::Cumulative).then(|| (0..stages).map(factor).collect())
     }

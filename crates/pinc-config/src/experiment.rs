@@ -3,22 +3,19 @@
 use crate::arrays::{self, AsWritten};
 use crate::control::ControlSpec;
 use crate::data::DataSpec;
-use crate::explain;
-use crate::identified;
 use crate::identify::IdentifySpec;
 use crate::layers::{self, Layers};
 use crate::model_kind::ModelKind;
-use crate::net_weights;
 use crate::one_step::OneStepSpec;
 use crate::plant::PlantSpec;
 use crate::plants::Plants;
 use crate::prediction::PredictionSpec;
 use crate::presets::Preset;
 use crate::problem::{ConfigError, Problem};
-use crate::sampled;
 use crate::sweep::SweepSpec;
 use crate::training::{Effort, TrainingSpec};
 use crate::tune::TuneSpec;
+use crate::{explain, identified, net_weights, sampled};
 use pinc_expr::TimeUnit;
 use pinc_mpc::Scenarios;
 use pinc_net::{Domain, NetConfig, ValidationConfig};
@@ -393,7 +390,6 @@ pub fn steps(duration_s: f64, sample_time_s: f64) -> usize {
 pub(crate) fn step_at(time_s: f64, sample_time_s: f64) -> usize {
     #[expect(
         clippy::cast_possible_truncation,
-        clippy::cast_sign_loss,
         reason = "a number of steps that is not negative and fits into memory"
     )]
     let step = (time_s / sample_time_s).round() as usize;

@@ -83,17 +83,9 @@ impl Layers {
     /// An error about `key`, at the place where it or the nearest table around it was written.
     pub(crate) fn error(&self, key: impl Into<String>, problem: Problem) -> ConfigError {
         let key = key.into();
-        let mut place = key.as_str();
-        let origin = loop {
-            if let Some(source) = self.origins.get(place) {
-                break self.origin(*source, &key);
-            }
-            match place.rfind(['.', '[']) {
-                Some(end) => place = &place[..end],
-                None => {
-                    break Origin::File { path: self.path.clone(), line: 1 };
-                }
-            }
+        let origin = match around(&key, |place| self.origins.get(place)) {
+            Some(source) => self.origin(*source, &key),
+            None => Origin::File { path: self.path.clone(), line: 1 },
         };
         ConfigError::Key { origin, key, problem: Box::new(problem) }
     }
@@ -321,15 +313,17 @@ fn line_of(text: &str, key: &str) -> usize {
     if let Ok(spanned) = DeTable::parse(text) {
         note_lines(&LineEnds::of(text), "", spanned.get_ref(), &mut lines);
     }
+    around(key, |place| lines.get(place)).copied().unwrap_or(1)
+}
+
+/// What there is for a key, or for the innermost table or list around it that has something.
+fn around<T>(key: &str, of: impl Fn(&str) -> Option<T>) -> Option<T> {
     let mut place = key;
     loop {
-        if let Some(&line) = lines.get(place) {
-            return line;
+        if let Some(found) = of(place) {
+            return Some(found);
         }
-        match place.rfind(['.', '[']) {
-            Some(end) => place = &place[..end],
-            None => return 1,
-        }
+        place = &place[..place.rfind(['.', '['])?];
     }
 }
 

@@ -58,34 +58,39 @@ impl BoundStep {
     }
 }
 
-/// One of the tables of a [`BoundStep`].
-type Side = fn(&BoundStep) -> &BTreeMap<String, f64>;
-
 impl ControlSpec {
+    /// The bounds at the beginning, in the order of [`BoundStep::sides`].
+    fn sides(&self) -> [Option<&Vec<f64>>; 6] {
+        [
+            self.state_low.as_ref(),
+            Some(&self.input_low),
+            self.output_low.as_ref(),
+            self.state_high.as_ref(),
+            Some(&self.input_high),
+            self.output_high.as_ref(),
+        ]
+    }
+
+    /// A bound at the beginning, by the place of its side in [`BoundStep::sides`].
+    pub(crate) fn bound(&self, side: usize, place: usize) -> Option<f64> {
+        self.sides()[side]?.get(place).copied()
+    }
+
     /// Returns the lower and the upper bound of the variable `name` over the run: pairs of the time
     /// in s from which a value holds and the value. There is one pair if the bound never changes, and
     /// none without a bound.
     #[must_use]
     pub fn bounds_over_time(&self, of: Bounded, name: &str) -> [Vec<(f64, f64)>; 2] {
-        let (place, lists, sides): (usize, _, [Side; 2]) = match of {
-            Bounded::State(i) => {
-                let lists = [self.state_low.as_ref(), self.state_high.as_ref()];
-                (i, lists, [|step| &step.state_low, |step| &step.state_high])
-            }
-            Bounded::Input(i) => {
-                let lists = [Some(&self.input_low), Some(&self.input_high)];
-                (i, lists, [|step| &step.input_low, |step| &step.input_high])
-            }
-            Bounded::Output(i) => {
-                let lists = [self.output_low.as_ref(), self.output_high.as_ref()];
-                (i, lists, [|step| &step.output_low, |step| &step.output_high])
-            }
+        let (low, place) = match of {
+            Bounded::State(place) => (0, place),
+            Bounded::Input(place) => (1, place),
+            Bounded::Output(place) => (2, place),
         };
-        std::array::from_fn(|k| {
-            let Some(first) = lists[k].and_then(|list| list.get(place)) else { return Vec::new() };
+        [low, low + 3].map(|side| {
+            let Some(first) = self.bound(side, place) else { return Vec::new() };
             let changes = self.bound_schedule.iter();
-            let changes = changes.filter_map(|s| Some((s.start_s, *sides[k](s).get(name)?)));
-            [(0.0, *first)].into_iter().chain(changes).collect()
+            let changes = changes.filter_map(|s| Some((s.start_s, *s.sides()[side].1.get(name)?)));
+            [(0.0, first)].into_iter().chain(changes).collect()
         })
     }
 

@@ -23,7 +23,6 @@ impl ControlSpec {
     /// How far the controller looks ahead, in s, for control steps of `sample_time_s`.
     #[must_use]
     pub fn horizon_s(&self, sample_time_s: f64) -> f64 {
-        #[expect(clippy::cast_precision_loss, reason = "a horizon has far fewer than 2^53 stages")]
         let length = |(length, count): (f64, usize)| length * count as f64;
         self.stages(sample_time_s).into_iter().map(length).sum()
     }
@@ -56,11 +55,9 @@ impl ControlSpec {
     #[must_use]
     pub fn substeps(&self, integrator: Integrator, length_s: f64, sample_time_s: f64) -> usize {
         let per_step = self.own_substeps(integrator);
-        #[expect(clippy::cast_precision_loss, reason = "far fewer than 2^53 substeps")]
         let needed = per_step as f64 * length_s / sample_time_s;
         #[expect(
             clippy::cast_possible_truncation,
-            clippy::cast_sign_loss,
             reason = "a positive number, of which the config was checked to be small"
         )]
         // Lengths that are multiples up to rounding are multiples.

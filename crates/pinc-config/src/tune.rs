@@ -84,7 +84,6 @@ impl TuneSpec {
     pub fn start(&self, experiment: &Experiment) -> Vec<f64> {
         let place = |range: &SearchRange| {
             let found = experiment.value_of(&range.key);
-            #[expect(clippy::cast_precision_loss, reason = "settings are small whole numbers")]
             let number = found.and_then(|v| v.as_float().or(v.as_integer().map(|v| v as f64)));
             number.map_or(0.5, |number| range.place(number))
         };

@@ -57,7 +57,6 @@ fn one() -> usize {
     1
 }
 
-#[expect(clippy::trivially_copy_pass_by_ref, reason = "as serde calls it")]
 fn is_one(count: &usize) -> bool {
     *count == 1
 }

@@ -60,13 +60,7 @@ impl Augmented {
         })
     }
 
-    /// The number of states of the plant, the first of the state.
-    #[must_use]
-    pub fn plant_states(&self) -> usize {
-        self.inner.dims().nx
-    }
-
-    /// The number of disturbances, which come next.
+    /// The number of disturbances, which come next to the states of the plant.
     #[must_use]
     pub fn disturbances(&self) -> usize {
         let measured = self.inner.measured().len();

@@ -88,12 +88,6 @@ impl OutputFeedback {
         &self.history
     }
 
-    /// Returns the history by value.
-    #[must_use]
-    pub fn into_history(self) -> History {
-        self.history
-    }
-
     fn measure(&mut self, plant: PlantNow<'_>) {
         let quantities = self.augmentation.measured.iter();
         for (i, (y, measured)) in self.measured.iter_mut().zip(quantities).enumerate() {

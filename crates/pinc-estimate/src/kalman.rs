@@ -1,12 +1,11 @@
 //! The covariance of a Kalman filter.
 
-use crate::EstimatorStatus;
 use crate::estimator::{limit, variances, write_diagonal};
 use crate::gate::{Gatekeeper, Judgement};
 use crate::matrix::{add_scaled, dot, factor, multiply, propagate, solve_lower};
-use crate::{Correction, Tuning};
+use crate::{Correction, EstimatorStatus, Tuning};
 use pinc_mpc::Memory;
-use pinc_qp::all_finite;
+use pinc_qp::{all_finite, symmetrize};
 
 /// A covariance P with the noises that change it, in the form of Joseph: A P A' + Q and (I - K H) P
 /// (I - K H)' + K R K', which keep it symmetric and positive semidefinite under rounding.
@@ -205,7 +204,7 @@ impl Kalman {
             let along = dot(row, h);
             add_scaled(row, r * gain - along, &self.gain);
         }
-        mirror(&mut self.p, n);
+        symmetrize(&mut self.p, n, n);
         rest * rest / s
     }
 
@@ -224,17 +223,6 @@ impl Kalman {
         };
         self.p.copy_from_slice(&self.before);
         status
-    }
-}
-
-/// Makes a matrix symmetric: the mean of what is below and above the diagonal.
-pub(crate) fn mirror(p: &mut [f64], n: usize) {
-    for i in 0..n {
-        for j in 0..i {
-            let mean = 0.5 * (p[i * n + j] + p[j * n + i]);
-            p[i * n + j] = mean;
-            p[j * n + i] = mean;
-        }
     }
 }
 

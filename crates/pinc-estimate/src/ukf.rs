@@ -2,12 +2,12 @@
 
 use crate::estimator::{limit, variances, write_diagonal};
 use crate::gate::{Gatekeeper, Judgement};
-use crate::kalman::{mirror, subtract};
+use crate::kalman::subtract;
 use crate::matrix::{add_scaled, dot, factor, solve_lower};
 use crate::{Correction, EstimateError, Estimator, EstimatorStatus, Tuning};
 use pinc_mpc::Memory;
 use pinc_ode::{Dims, Model};
-use pinc_qp::all_finite;
+use pinc_qp::{all_finite, symmetrize};
 
 /// Merwe's parameters of the sigma points.
 const ALPHA: f64 = 1e-3;
@@ -74,7 +74,6 @@ struct Weights {
 
 impl Weights {
     fn new(n: usize) -> Self {
-        #[expect(clippy::cast_precision_loss, reason = "no model has 2^53 states")]
         let n = n as f64;
         let scaled = ALPHA * ALPHA * (n + KAPPA);
         Self {
@@ -289,7 +288,7 @@ impl Ukf {
         if !all_finite(mean_z) || !all_finite(new_p) {
             return Err(EstimatorStatus::NotFinite);
         }
-        mirror(new_p, n);
+        symmetrize(new_p, n, n);
         if !factor(new_p, n, root) {
             return Err(EstimatorStatus::IndefiniteCovariance);
         }

@@ -2,9 +2,8 @@
 
 use crate::controller::Controller;
 use crate::error::finite;
-use crate::golden;
 use crate::template::{Template, array, constant, places, table};
-use crate::{ExportError, GeneratedFile};
+use crate::{ExportError, GeneratedFile, golden};
 use pinc_estimate::{
     Augmentation, Augmented, Disturbance, Ekf, Estimator, Gate, Measured, Mhe, Tuning, Ukf,
 };

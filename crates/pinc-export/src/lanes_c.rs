@@ -53,7 +53,6 @@ fn runge_kutta(model: RungeKuttaModel<'_>) -> Result<String, ExportError> {
         feature: "integrator that solves linear systems",
         instead: "rk4 or rk5",
     })?;
-    #[expect(clippy::cast_precision_loss, reason = "substeps are few")]
     let h = model.sample_time_s / model.substeps as f64;
     let rows = tableau.rows();
     let nx = listing.results.len();

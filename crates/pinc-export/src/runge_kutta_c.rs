@@ -63,7 +63,6 @@ pub(crate) fn runge_kutta_core(
         coefficients.extend_from_slice(row);
         coefficients.resize(coefficients.len() + stages - row.len(), 0.0);
     }
-    #[expect(clippy::cast_precision_loss, reason = "substeps are few")]
     let h = model.sample_time_s / model.substeps as f64;
     let jacobian = jacobian(&listing, nx, nu + names.len(), "dx");
     let mut t = Template::new(name);

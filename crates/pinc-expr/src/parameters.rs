@@ -48,12 +48,10 @@ impl<'de> Visitor<'de> for NumberOrList {
         Ok(Value::Number(number))
     }
 
-    #[expect(clippy::cast_precision_loss, reason = "as for all numbers of a config")]
     fn visit_i64<E>(self, number: i64) -> Result<Value, E> {
         Ok(Value::Number(number as f64))
     }
 
-    #[expect(clippy::cast_precision_loss, reason = "as for all numbers of a config")]
     fn visit_u64<E>(self, number: u64) -> Result<Value, E> {
         Ok(Value::Number(number as f64))
     }

@@ -1,6 +1,5 @@
 //! A plant's equations as a graph, however they were written.
 
-use crate::TimeUnit;
 use crate::algebraic::Algebraic;
 use crate::cost::{ADDED, CostExpressions};
 use crate::critical::CriticalTerms;
@@ -11,7 +10,7 @@ use crate::implicit::AlgebraicSystem;
 use crate::listing::Listing;
 use crate::program::Program;
 use crate::traced::{Traced, Tracer};
-use crate::{ExpressionPlant, Outputs, Rates, SparseEquations, variable};
+use crate::{ExpressionPlant, Outputs, Rates, SparseEquations, TimeUnit, variable};
 use pinc_ode::{Dims, Plant, SparsePlant, Variable};
 use std::collections::BTreeMap;
 use std::sync::Arc;

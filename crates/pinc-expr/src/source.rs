@@ -1,8 +1,10 @@
 //! The equations of a plant, as text or in Rust, for all that reads them as a graph.
 
 use crate::plant_graph::PlantGraph;
-use crate::rust_plant;
-use crate::{CostExpressions, CriticalTerms, Equations, ExpressionError, ExpressionPlant, Listing};
+use crate::{
+    CostExpressions, CriticalTerms, Equations, ExpressionError, ExpressionPlant, Listing,
+    rust_plant,
+};
 use pinc_ode::{DynPlant, Plant};
 use std::collections::BTreeMap;
 use std::fmt::Debug;
@@ -129,12 +131,7 @@ impl PlantEquations {
     ///
     /// As [`Equations::compile_with`]; an equation in Rust that cannot be recorded, or is too large.
     pub fn compile_with(&self, varying: &[&str]) -> Result<ExpressionPlant, ExpressionError> {
-        match &self.0 {
-            Source::Text(equations) => equations.compile_with(varying),
-            Source::Rust { plant, constants } => {
-                plant.trace(constants, varying, false, None)?.compile()
-            }
-        }
+        self.graph(varying, false, None)?.compile()
     }
 
     /// [`PlantEquations::compile_with`] with a cost beside the equations: behind the plant's own
@@ -163,7 +160,7 @@ impl PlantEquations {
         varying: &[&str],
         cost: CostExpressions<'_>,
     ) -> Result<ExpressionPlant, ExpressionError> {
-        self.graph(varying, Some(cost))?.compile()
+        self.graph(varying, false, Some(cost))?.compile()
     }
 
     /// [`PlantEquations::compile_with`], or with a `cost` [`PlantEquations::compile_with_cost`], in
@@ -184,19 +181,22 @@ impl PlantEquations {
         cost: Option<CostExpressions<'_>>,
         input: usize,
     ) -> Result<ExpressionPlant, ExpressionError> {
-        let mut graph = self.graph(varying, cost)?;
+        let mut graph = self.graph(varying, false, cost)?;
         graph.stretch_time(input);
         graph.compile()
     }
 
+    /// The values that they are computed from; `unrolled`: with the steps of what a plant in Rust
+    /// solves inside.
     fn graph(
         &self,
         varying: &[&str],
+        unrolled: bool,
         cost: Option<CostExpressions<'_>>,
     ) -> Result<PlantGraph, ExpressionError> {
         match &self.0 {
             Source::Text(equations) => equations.graph_with_cost(varying, cost),
-            Source::Rust { plant, constants } => plant.trace(constants, varying, false, cost),
+            Source::Rust { plant, constants } => plant.trace(constants, varying, unrolled, cost),
         }
     }
 
@@ -207,12 +207,7 @@ impl PlantEquations {
     ///
     /// As [`PlantEquations::compile_with`]; equations solved inside by as many steps as it takes.
     pub fn listing(&self, varying: &[&str]) -> Result<Listing, ExpressionError> {
-        match &self.0 {
-            Source::Text(equations) => equations.listing(varying),
-            Source::Rust { plant, constants } => {
-                plant.trace(constants, varying, true, None)?.listing()
-            }
-        }
+        self.graph(varying, true, None)?.listing()
     }
 
     /// The outputs as a list of instructions, if they are not the states.
@@ -221,12 +216,7 @@ impl PlantEquations {
     ///
     /// As [`PlantEquations::listing`].
     pub fn output_listing(&self, varying: &[&str]) -> Result<Listing, ExpressionError> {
-        match &self.0 {
-            Source::Text(equations) => equations.output_listing(varying),
-            Source::Rust { plant, constants } => {
-                plant.trace(constants, varying, true, None)?.output_listing()
-            }
-        }
+        self.graph(varying, true, None)?.output_listing()
     }
 
     /// The terms on which it depends where these equations are defined and smooth.
@@ -235,11 +225,6 @@ impl PlantEquations {
     ///
     /// As [`PlantEquations::compile_with`].
     pub fn critical_terms(&self) -> Result<CriticalTerms, ExpressionError> {
-        match &self.0 {
-            Source::Text(equations) => equations.critical_terms(),
-            Source::Rust { plant, constants } => {
-                plant.trace(constants, &[], false, None)?.critical_terms()
-            }
-        }
+        self.graph(&[], false, None)?.critical_terms()
     }
 }

@@ -265,17 +265,12 @@ pub(crate) fn channels(problem: &Problem, fit: &Fit<'_>, fitted: &[Vec<f64>]) ->
         ChannelFit {
             name: problem.channels[i].name.clone(),
             measurements: given.len(),
-            rms: (squares / count(given.len().max(1))).sqrt(),
+            rms: (squares / given.len().max(1) as f64).sqrt(),
             correlation: if squares > 0.0 { products / squares } else { 0.0 },
             inputs: whiteness::with_inputs(&recordings, &all, problem.inputs.len()),
         }
     };
     (0..problem.channels.len()).map(channel).collect()
-}
-
-#[expect(clippy::cast_precision_loss, reason = "no data have 2^53 values")]
-fn count(of: usize) -> f64 {
-    of as f64
 }
 
 /// All that there is to say.
@@ -425,7 +420,7 @@ fn of_a_channel(
         all.push(Diagnosis::Misfit { name: name(), rms, noise, given });
     }
     // White residuals stay within this at all but one in ten thousand.
-    let most = 4.0 / count(channel.measurements).sqrt();
+    let most = 4.0 / (channel.measurements as f64).sqrt();
     if channel.measurements >= 20 && channel.correlation > most.max(0.15) {
         all.push(Diagnosis::NotWhite { name: name(), correlation: channel.correlation });
     }
@@ -454,7 +449,7 @@ fn roughness(problem: &Problem, fit: &Fit<'_>, i: usize) -> f64 {
     }
     differences.retain(|d| !d.is_nan());
     let squares: f64 = differences.iter().map(|d| d * d).sum();
-    (squares / (6.0 * count(differences.len().max(1)))).sqrt()
+    (squares / (6.0 * differences.len().max(1) as f64)).sqrt()
 }
 
 /// Mistakes in units: channels by their size at the start, inputs by the cost at the start.

@@ -84,7 +84,6 @@ impl fmt::Display for Method {
 pub(crate) fn segments(rows: usize, growth: f64) -> usize {
     let longest = rows.div_ceil(10).max(2);
     let tenfolds = growth.max(1.0).log10();
-    #[expect(clippy::cast_precision_loss, reason = "a number of rows")]
     let too_long = |length: usize| length as f64 * tenfolds > rows as f64;
     (2..=longest).rev().find(|&length| !too_long(length)).unwrap_or(2)
 }

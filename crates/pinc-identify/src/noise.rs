@@ -57,7 +57,6 @@ impl Problem {
                 recordings.iter().flat_map(|of| of.y.iter().skip(i).step_by(self.channels.len()));
             of.filter(|y| !y.is_nan())
         };
-        #[expect(clippy::cast_precision_loss, reason = "no recording has 2^53 rows")]
         let count = all().count() as f64;
         let mean = all().sum::<f64>() / count;
         (all().map(|y| (y - mean).powi(2)).sum::<f64>() / count).sqrt()

@@ -115,7 +115,6 @@ impl Identified {
         let unknowns = problem.unknowns(with.dims, fit.recordings.len()) - held;
         let degrees_of_freedom = measurements + problem.priors() - unknowns;
         let cost = fit.cost();
-        #[expect(clippy::cast_precision_loss, reason = "no data have 2^53 values")]
         let s = (2.0 * cost / degrees_of_freedom as f64).sqrt();
         let factor = s * quantile_95(degrees_of_freedom);
         let mut half_widths =

@@ -9,7 +9,6 @@ const NORMAL: f64 = 1.959_963_984_540_054;
 /// for `freedom` degrees of freedom, at least 1.
 pub(crate) fn quantile_95(freedom: usize) -> f64 {
     let (mut low, mut high) = (NORMAL, 13.0);
-    #[expect(clippy::cast_precision_loss, reason = "a number of measurements")]
     let nu = freedom as f64;
     if freedom > 300 {
         // The expansion of Abramowitz and Stegun, 26.7.5, to 1e-10 here.

@@ -50,7 +50,7 @@ fn largest(residuals: &[Vec<f64>], inputs: &[Vec<f64>]) -> InputCorrelation {
     // The variance of a correlation of two independent signals, as Bartlett has it.
     let own = |of: &[Vec<f64>], lag| products(of, of, lag).0 / products(of, of, 0).0;
     let coloured = (1..COLOURED.min(pairs / 2)).map(|lag| own(residuals, lag) * own(inputs, lag));
-    let variance = (1.0 + 2.0 * coloured.sum::<f64>()).max(1.0) / count(pairs);
+    let variance = (1.0 + 2.0 * coloured.sum::<f64>()).max(1.0) / pairs as f64;
     let chance = BEYOND * variance.sqrt();
     let at = |lag| {
         let correlation = products(residuals, inputs, lag).0 / scale;
@@ -68,14 +68,9 @@ fn products(a: &[Vec<f64>], b: &[Vec<f64>], lag: usize) -> (f64, usize) {
 
 fn without_mean(mut of: Vec<Vec<f64>>) -> Vec<Vec<f64>> {
     let given = || of.iter().flatten().filter(|value| !value.is_nan());
-    let mean = given().sum::<f64>() / count(given().count().max(1));
+    let mean = given().sum::<f64>() / given().count().max(1) as f64;
     of.iter_mut().flatten().for_each(|value| *value -= mean);
     of
-}
-
-#[expect(clippy::cast_precision_loss, reason = "no data have 2^53 values")]
-fn count(of: usize) -> f64 {
-    of as f64
 }
 
 #[cfg(test)]

@@ -543,7 +543,6 @@ impl ClosedLoop<'_> {
     fn move_plant(&mut self, u: &[f64]) -> Result<(), MpcError> {
         let sample_time_s = self.nmpc.model().sample_time_s();
         let done = self.done;
-        #[expect(clippy::cast_precision_loss, reason = "no run has 2^53 steps")]
         let time = |part: usize| (done as f64 + part as f64 / POINTS as f64) * sample_time_s;
         self.last_step.clear();
         self.last = done;
@@ -561,7 +560,6 @@ impl ClosedLoop<'_> {
             _ => self.errors.push_mark(&reference, &tracked),
         }
         for part in 1..=POINTS {
-            #[expect(clippy::cast_precision_loss, reason = "nine")]
             let duration = sample_time_s / POINTS as f64;
             let integrated = self.plant.integrate(&mut self.x, u, duration);
             if let Err(source) = integrated {

@@ -61,7 +61,6 @@ impl ClosedLoop<'_> {
 
         let marks = (steps.start + 1).max((last + 1).saturating_sub(MARKS))..last + 1;
         let mut offset = vec![0.0; tolerance.len()];
-        #[expect(clippy::cast_precision_loss, reason = "at most ten")]
         let count = marks.len() as f64;
         for mark in marks {
             for (sum, error) in offset.iter_mut().zip(errors(mark)) {

@@ -118,7 +118,6 @@ fn summary(rows: &[Row]) -> String {
             }
         }
     }
-    #[expect(clippy::cast_precision_loss, reason = "some tens")]
     let mean = losses.iter().map(|loss| loss.ln()).sum::<f64>() / losses.len() as f64;
     let most = losses.iter().fold(1.0, |most: f64, loss| most.max(*loss));
     format!(
@@ -154,7 +153,6 @@ fn figure(rows: &[Row]) -> Figure {
     Figure::grid(name, x(), vec![1.0, 1.0], panels.collect())
 }
 
-#[expect(clippy::cast_precision_loss, reason = "hundreds at most")]
 fn place(horizon: usize) -> f64 {
     horizon as f64
 }

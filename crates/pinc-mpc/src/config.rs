@@ -40,19 +40,7 @@ pub enum SqpStatus {
 /// The serialized name, as `converged`.
 impl fmt::Display for SqpStatus {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(match self {
-            Self::Converged => "converged",
-            Self::Rounded => "rounded",
-            Self::IterationLimit => "iteration-limit",
-            Self::Deadline => "deadline",
-            Self::Prepared => "prepared",
-            Self::Kept => "kept",
-            Self::Replaced => "replaced",
-            Self::InfeasibleQp => "infeasible-qp",
-            Self::Stalled => "stalled",
-            Self::NumericalTrouble => "numerical-trouble",
-            Self::BadArgument => "bad-argument",
-        })
+        self.serialize(f)
     }
 }
 

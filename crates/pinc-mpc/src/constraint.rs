@@ -1,8 +1,7 @@
 //! The names of constraints.
 
 use crate::outputs::{IntervalEnd, OutputRows};
-use pinc_qp::OcpDims;
-use pinc_qp::{Kind, Row};
+use pinc_qp::{Kind, OcpDims, Row};
 use std::fmt;
 
 /// A constraint of the control problem, by name. Steps are counted from the measured state: `step`

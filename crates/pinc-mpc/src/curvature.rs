@@ -9,7 +9,7 @@ use crate::stage_cost::{QuadBlock, StagePoint};
 use crate::transcription::Transcription;
 use crate::units::Units;
 use pinc_ode::{Gradients, LinearizationBuffer, OutputLinearization, Stages};
-use pinc_qp::{Convexifier, Convexity, OcpDims, Qp, all_finite};
+use pinc_qp::{Convexifier, Convexity, OcpDims, Qp, all_finite, symmetrize};
 
 /// A difference quotient is taken over this part of a variable's size: the cube root of the
 /// precision.
@@ -356,13 +356,7 @@ impl Curvature {
                 self.hessian[i * s + k] = agreed([ahead - middle, middle - behind]) / step;
             }
         }
-        for i in 0..s {
-            for k in 0..i {
-                let mean = 0.5 * (self.hessian[i * s + k] + self.hessian[k * s + i]);
-                self.hessian[i * s + k] = mean;
-                self.hessian[k * s + i] = mean;
-            }
-        }
+        symmetrize(&mut self.hessian, s, s);
     }
 
     /// Adds the second derivatives at a place to the program, in the units of the optimization; the

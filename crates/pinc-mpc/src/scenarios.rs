@@ -56,7 +56,6 @@ impl Scenarios {
     /// Branches with these values of the parameters, `[branches, parameters]`, and equal weights.
     #[must_use]
     pub fn list(parameters: Vec<usize>, values: Vec<Vec<f64>>, robust_horizon: usize) -> Self {
-        #[expect(clippy::cast_precision_loss, reason = "far below 2^53 branches")]
         let weights = vec![1.0 / values.len() as f64; values.len()];
         Self { parameters, values, weights, robust_horizon }
     }

@@ -145,14 +145,9 @@ impl BoundSchedule {
                 };
                 let good = value.is_finite() == base.is_finite();
                 check_numbers("bound_schedule", &row[i..=i], expected, |_| good)?;
-                if i < width {
-                    let high = row[i + width];
-                    check_numbers(
-                        "bound_schedule",
-                        &row[i..=i],
-                        "at most the upper bound",
-                        |low| low <= high,
-                    )?;
+                if let Some(high) = row.get(i + width) {
+                    let expected = "at most the upper bound";
+                    check_numbers("bound_schedule", &row[i..=i], expected, |low| low <= *high)?;
                 }
             }
         }
@@ -314,7 +309,7 @@ impl Nmpc {
     }
 
     /// What was prepared for other bounds or parameters is prepared again.
-    fn begin_anew(&mut self) {
+    pub(crate) fn begin_anew(&mut self) {
         if self.phase == Phase::Linearized {
             self.phase = Phase::Shifted;
         }

@@ -21,10 +21,7 @@ pub enum TrainingTarget {
 
 impl std::fmt::Display for TrainingTarget {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.write_str(match self {
-            Self::Physics => "physics",
-            Self::Integrator => "integrator",
-        })
+        self.serialize(f)
     }
 }
 

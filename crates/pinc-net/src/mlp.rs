@@ -167,7 +167,6 @@ fn parameter_count(widths: &[usize]) -> usize {
     widths.windows(2).map(|pair| (pair[0] + 1) * pair[1]).sum()
 }
 
-#[expect(clippy::cast_precision_loss, reason = "sizes of nets and samples are far below 2^53")]
 pub(crate) fn to_f64(n: usize) -> f64 {
     n as f64
 }

@@ -43,12 +43,7 @@ pub enum StopReason {
 
 impl std::fmt::Display for StopReason {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.write_str(match self {
-            Self::IterationsDone => "iterations-done",
-            Self::GradientTolerance => "gradient-tolerance",
-            Self::NoFurtherDescent => "no-further-descent",
-            Self::TargetReached => "target-reached",
-        })
+        self.serialize(f)
     }
 }
 

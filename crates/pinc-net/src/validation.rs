@@ -115,11 +115,7 @@ impl ValidationConfig {
             let (key, found) = ("duration_s", self.duration_s.to_string());
             return Err(NetError::Setting { key, found, expected: "whole steps of horizon_s" });
         }
-        #[expect(
-            clippy::cast_possible_truncation,
-            clippy::cast_sign_loss,
-            reason = "a whole number in range, see above"
-        )]
+        #[expect(clippy::cast_possible_truncation, reason = "a whole number in range, see above")]
         Ok(steps as usize)
     }
 }

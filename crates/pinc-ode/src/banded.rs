@@ -67,7 +67,6 @@ impl Banded {
 
     /// What a factorization costs beside an evaluation of the equation, roughly: one for every ten
     /// entries of a band.
-    #[expect(clippy::cast_precision_loss, reason = "a number of states is far below 2^53")]
     pub(crate) fn cost(&self) -> f64 {
         0.1 * self.below as f64
     }

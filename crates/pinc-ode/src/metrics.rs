@@ -36,7 +36,7 @@ impl Tracking {
     /// averaged over outputs.
     #[must_use]
     pub fn iae_mean(&self) -> f64 {
-        self.iae_sum() / count(self.absolute.len())
+        self.iae_sum() / self.absolute.len() as f64
     }
 
     /// The IAE of the paper's Table 1: absolute errors summed over samples and outputs.
@@ -50,8 +50,8 @@ impl Tracking {
     /// without samples.
     #[must_use]
     pub fn rmse(&self) -> f64 {
-        let roots = self.squared.iter().map(|s| (s / count(self.samples)).sqrt());
-        roots.sum::<f64>() / count(self.squared.len())
+        let roots = self.squared.iter().map(|s| (s / self.samples as f64).sqrt());
+        roots.sum::<f64>() / self.squared.len() as f64
     }
 }
 
@@ -72,10 +72,5 @@ pub fn mean_squared_error(predicted: &[f64], truth: &[f64], scale: &[f64]) -> f6
     assert!(predicted.len().is_multiple_of(scale.len()), "one scale per output");
     let scales = scale.iter().cycle();
     let squares = predicted.iter().zip(truth).zip(scales).map(|((p, t), s)| ((p - t) / s).powi(2));
-    squares.sum::<f64>() / count(predicted.len())
-}
-
-#[expect(clippy::cast_precision_loss, reason = "no run has 2^53 samples")]
-fn count(n: usize) -> f64 {
-    n as f64
+    squares.sum::<f64>() / predicted.len() as f64
 }

@@ -246,7 +246,6 @@ impl Seulex {
     fn evaluations(&self, j: usize) -> f64 {
         let evaluations: u32 = PARTS[..=j].iter().map(|parts| parts - 1).sum();
         // A Jacobian takes about as many evaluations as there are states.
-        #[expect(clippy::cast_precision_loss, reason = "a number of states is far below 2^53")]
         let jacobian = self.dims.nx as f64;
         f64::from(evaluations) + jacobian + self.band.cost() * f64::from(PARTS[j] - 1)
     }

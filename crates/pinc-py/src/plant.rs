@@ -121,7 +121,6 @@ impl IntegratorModel {
     }
 }
 
-#[expect(clippy::needless_pass_by_value, reason = "for map_err")]
 fn no_model(error: OdeError) -> PyErr {
     input(error.to_string())
 }

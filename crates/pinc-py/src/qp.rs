@@ -3,7 +3,7 @@
 use crate::arrays::{Array, Given, array, values};
 use crate::errors::input;
 use numpy::PyUntypedArrayMethods;
-use pinc_qp::{ChosenQp, OcpDims, Qp, QpMethod, QpSolver, QpStatus, QpStep, Tree};
+use pinc_qp::{ChosenQp, OcpDims, Qp, QpMethod, QpSolver, QpStatus, QpStep};
 use pyo3::prelude::*;
 
 /// Solution and multipliers of inequalities, equalities and bounds.
@@ -49,18 +49,7 @@ pub(crate) fn solve_dense_qp<'py>(
     }
     let (g, inequalities) = matrix(g.as_ref(), "G", n)?;
     let (a, equalities) = matrix(a.as_ref(), "A", n)?;
-    let dims = OcpDims {
-        nx: 1,
-        nu: n,
-        horizon: 1,
-        n_controls: 1,
-        n1: 1,
-        inequalities,
-        equalities,
-        outputs: 0,
-        feedthrough: 0,
-        tree: Tree::CHAIN,
-    };
+    let dims = OcpDims { inequalities, equalities, ..OcpDims::new(1, n, 1) };
     let mut qp = Qp::new(dims, vec![1.0], vec![0.0; n * n]);
     qp.w = p;
     qp.gradient[1..].copy_from_slice(&values(&q));

@@ -44,6 +44,19 @@ fn more(a: f64, b: f64) -> f64 {
     if b > a { b } else { a }
 }
 
+/// Makes a matrix that is symmetric up to rounding symmetric: the means of what is below and above
+/// the diagonal. `stride` is how far its rows are apart.
+#[inline(always)]
+pub fn symmetrize(matrix: &mut [f64], size: usize, stride: usize) {
+    for c in 1..size {
+        for r in 0..c {
+            let mean = 0.5 * (matrix[c * stride + r] + matrix[r * stride + c]);
+            matrix[c * stride + r] = mean;
+            matrix[r * stride + c] = mean;
+        }
+    }
+}
+
 /// Block `j` of blocks of `size` numbers.
 #[inline(always)]
 pub(super) fn block(blocks: &[f64], j: usize, size: usize) -> &[f64] {

@@ -85,12 +85,7 @@ impl QpMethod {
 /// The serialized name, as `condensed`.
 impl fmt::Display for QpMethod {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(match self {
-            Self::Auto => "auto",
-            Self::Condensed => "condensed",
-            Self::Riccati => "riccati",
-            Self::Clarabel => "clarabel",
-        })
+        self.serialize(f)
     }
 }
 
@@ -205,21 +200,7 @@ mod tests {
     }
 
     fn program() -> Qp {
-        let [nx, nu, horizon, n_controls, n1] = [1; 5];
-        let [inequalities, equalities, outputs] = [0; 3];
-        let dims = OcpDims {
-            nx,
-            nu,
-            horizon,
-            n_controls,
-            n1,
-            inequalities,
-            equalities,
-            outputs,
-            feedthrough: 0,
-            tree: crate::Tree::CHAIN,
-        };
-        Qp::new(dims, vec![1.0], vec![1.0])
+        Qp::new(OcpDims::new(1, 1, 1), vec![1.0], vec![1.0])
     }
 
     /// The status, d and the number of solutions tried, with and without a fallback.

@@ -45,10 +45,10 @@ mod tests;
 mod tree;
 mod work;
 
-pub use algebra::{all_finite, largest};
+pub use algebra::{all_finite, largest, symmetrize};
 pub use choice::{ChosenQp, QpError, QpMethod};
 pub use convexify::{Convexifier, Convexity};
-pub use multipliers::Multipliers;
+pub use multipliers::{Multipliers, residual_scale};
 pub use ocp_dims::{OcpDims, RowBlock};
 pub use riccati::Barrier;
 pub use tree::Tree;

@@ -70,25 +70,21 @@ impl Multipliers {
     }
 }
 
+/// By what residuals that are proportional to the cost are divided, from the sum of the absolute
+/// values of `count` multipliers: max(1, mean / 100), as in IPOPT (Waechter and Biegler, Math.
+/// Program. 106 (2006), Eq. 6).
+#[must_use]
+pub fn residual_scale(sum: f64, count: usize) -> f64 {
+    const LARGE: f64 = 100.0;
+    (sum / count.max(1) as f64 / LARGE).max(1.0)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
 
     fn numbered(first: f64) -> (OcpDims, Multipliers) {
-        let (nx, nu, horizon, n_controls, n1) = (2, 1, 3, 2, 2);
-        let [inequalities, equalities, outputs] = [1, 0, 0];
-        let dims = OcpDims {
-            nx,
-            nu,
-            horizon,
-            n_controls,
-            n1,
-            inequalities,
-            equalities,
-            outputs,
-            feedthrough: 0,
-            tree: crate::Tree::CHAIN,
-        };
+        let dims = OcpDims { n_controls: 2, n1: 2, inequalities: 1, ..OcpDims::new(2, 1, 3) };
         let mut multipliers = Multipliers::new(dims);
         let mut number = first;
         for mu in multipliers.parts_mut().into_iter().flatten() {

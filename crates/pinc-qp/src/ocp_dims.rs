@@ -49,6 +49,24 @@ pub struct RowBlock {
 }
 
 impl OcpDims {
+    /// A chain of `horizon` stages, each with an input of its own, without rows; n1 is 1. Further
+    /// fields are set by struct update.
+    #[must_use]
+    pub fn new(nx: usize, nu: usize, horizon: usize) -> Self {
+        Self {
+            nx,
+            nu,
+            horizon,
+            n_controls: horizon,
+            n1: 1,
+            inequalities: 0,
+            equalities: 0,
+            outputs: 0,
+            feedthrough: 0,
+            tree: Tree::CHAIN,
+        }
+    }
+
     /// How many numbers `x_1..x_N` are.
     #[must_use]
     #[inline]

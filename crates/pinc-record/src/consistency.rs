@@ -41,7 +41,6 @@ pub(crate) fn findings(estimator: &EstimatorMetrics, steps: usize) -> Vec<Findin
         *estimator;
     let mut findings = Vec::new();
     let nis = MeanSquare { name: "NIS", mean: nis_mean, expected: nis_expected, steps: nis_steps };
-    #[expect(clippy::cast_precision_loss, reason = "no plant has 2^53 states")]
     let states = estimator.estimate_rmse.len() as f64;
     let nees = MeanSquare { name: "NEES", mean: nees_mean, expected: states, steps: nees_steps };
     // One is enough: what is to be changed is the same.
@@ -73,7 +72,6 @@ impl MeanSquare {
     /// The interval of the mean of a consistent estimator, by Wilson and Hilferty's approximation of
     /// the chi-squared distribution.
     fn interval(&self) -> RangeInclusive<f64> {
-        #[expect(clippy::cast_precision_loss, reason = "no run has 2^53 steps")]
         let spread = 2.0 / (9.0 * self.expected * self.steps as f64);
         let quantile = |normal: f64| {
             let root = 1.0 - spread + normal * spread.sqrt();

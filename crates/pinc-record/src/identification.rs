@@ -221,7 +221,7 @@ fn as_precise(value: f64, half_width: Option<f64>) -> String {
     let wanted = half_width.filter(|of| *of > 0.0).map_or(6.0, |of| (2.0 - power(of)).max(6.0));
     let is_small = value != 0.0 && value.abs() < 1e-3;
     let wanted = if is_small { wanted + power(value) } else { wanted };
-    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "from 2 to 15")]
+    #[expect(clippy::cast_possible_truncation, reason = "from 2 to 15")]
     let count = wanted.clamp(2.0, 15.0) as usize;
     if is_small { format!("{value:.count$e}") } else { decimals(value, count) }
 }
@@ -261,7 +261,6 @@ impl fmt::Display for IdentificationMetrics {
         for net in &self.nets {
             let weights = self.parameters.iter().filter(|(name, _)| self.net_of(name) == Some(net));
             let squares: Vec<f64> = weights.map(|(_, of)| of.estimate.value.powi(2)).collect();
-            #[expect(clippy::cast_precision_loss, reason = "a number of weights")]
             let rms = (squares.iter().sum::<f64>() / squares.len().max(1) as f64).sqrt();
             write!(f, "\n  {net}: {} weights of {rms:.3} rms", squares.len())?;
         }

@@ -27,17 +27,13 @@ impl Spread {
     /// The quantile between the nearest two values, linearly.
     #[must_use]
     pub fn quantile(&self, part: f64) -> f64 {
-        let place = part * real(self.values.len() - 1);
-        #[expect(
-            clippy::cast_possible_truncation,
-            clippy::cast_sign_loss,
-            reason = "between 0 and the number of values"
-        )]
+        let place = part * (self.values.len() - 1) as f64;
+        #[expect(clippy::cast_possible_truncation, reason = "between 0 and the number of values")]
         let below = place.floor() as usize;
         let above = (below + 1).min(self.values.len() - 1);
         let (low, high) = (self.values[below], self.values[above]);
         // With two equal values no rounding.
-        if low.total_cmp(&high).is_eq() { low } else { low + (high - low) * (place - real(below)) }
+        if low.total_cmp(&high).is_eq() { low } else { low + (high - low) * (place - below as f64) }
     }
 
     /// Two values with the median between them, and the probability of that: at least 95 %, or as
@@ -83,13 +79,13 @@ struct Tails {
 
 impl Tails {
     fn new(n: usize) -> Self {
-        let term = if n > MANY { -real(n) * 2.0_f64.ln() } else { 0.5_f64.powf(real(n)) };
+        let term = if n > MANY { -(n as f64) * 2.0_f64.ln() } else { 0.5_f64.powf(n as f64) };
         Self { n, term, sum: 0.0 }
     }
 
     /// The probability of at most `k` heads, after the probabilities of fewer have been asked for.
     fn next(&mut self, k: usize) -> f64 {
-        let ratio = if k == 0 { 1.0 } else { real(self.n + 1 - k) / real(k) };
+        let ratio = if k == 0 { 1.0 } else { (self.n + 1 - k) as f64 / k as f64 };
         if self.n > MANY {
             self.term += ratio.ln();
             self.sum += self.term.exp();
@@ -99,11 +95,6 @@ impl Tails {
         }
         self.sum
     }
-}
-
-#[expect(clippy::cast_precision_loss, reason = "far fewer than 2^53 trials")]
-fn real(n: usize) -> f64 {
-    n as f64
 }
 
 #[cfg(test)]

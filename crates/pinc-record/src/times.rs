@@ -24,7 +24,6 @@ impl WallTimes {
     #[must_use]
     pub fn of(mut times: Vec<f64>) -> Self {
         times.sort_unstable_by(f64::total_cmp);
-        #[expect(clippy::cast_precision_loss, reason = "far fewer than 2^53 repetitions")]
         let (runs, freedom) = (times.len() as f64, times.len().saturating_sub(1).max(1) as f64);
         let mean = times.iter().sum::<f64>() / runs;
         let squares: f64 = times.iter().map(|t| (t - mean).powi(2)).sum();

@@ -4,10 +4,9 @@ use crate::data::{OfModel, Run};
 use crate::picture::Picture;
 use crate::traces::{CloseUp, ControlTrace};
 use crate::variables::{EQUAL, Variables, by_axis};
-use pinc_chart::text;
 use pinc_chart::{
     AMBER, Axis, Color, Figure, INK, Kind, Look, Panel, Point, Shape, Style, extent,
-    held_since_previous, held_until_next, input_color, present, state_color,
+    held_since_previous, held_until_next, input_color, present, state_color, text,
 };
 use pinc_config::ControlSpec;
 use pinc_mpc::Bounded;
@@ -32,12 +31,7 @@ pub(crate) fn pictures(run: &Run, variables: &Variables) -> Vec<Picture> {
     let t = extent(times);
     let axis = run.time_axis(t);
     let figure = Figure::stack("Closed loop", axis, loops.panels());
-    let mut pictures = vec![Picture {
-        stem: "control".to_owned(),
-        title: "Closed loop".to_owned(),
-        caption: loops.caption(),
-        figure,
-    }];
+    let mut pictures = vec![Picture::new("control", "Closed loop", figure, loops.caption())];
     let close_ups = loops.close_ups(&pictures[0].figure, t);
     pictures.extend(close_ups);
     pictures
@@ -106,7 +100,6 @@ impl Loops<'_> {
         let mut failed = Vec::new();
         for (of, steps) in self.traces.iter().zip(&self.run.steps) {
             for step in steps.table.rows.iter().filter(|step| step.failed()) {
-                #[expect(clippy::cast_precision_loss, reason = "no run has 2^53 steps")]
                 let t = step.step as f64 * length;
                 let k = of.table.rows.partition_point(|row| row.t < t - 1e-6 * length);
                 failed.extend(of.table.rows.get(k).map(|row| (row.t, quantity(row, place))));
@@ -116,8 +109,7 @@ impl Loops<'_> {
     }
 
     fn state_panel(&self, title: &str, states: &[String], height: f64) -> Panel {
-        let label = self.run.axis_label(states);
-        let mut panel = Panel::new(title, Axis::new(&label, Kind::Linear), height);
+        let mut panel = self.run.panel(title, states, height);
         self.add_references(&mut panel, states);
         let places = || states.iter().map(|name| (name, self.variables.index_of(name)));
         for (name, place) in places() {
@@ -182,8 +174,7 @@ impl Loops<'_> {
     }
 
     fn input_panel(&self, title: &str, inputs: &[String]) -> Panel {
-        let label = self.run.axis_label(inputs);
-        let mut panel = Panel::new(title, Axis::new(&label, Kind::Linear), 150.0);
+        let mut panel = self.run.panel(title, inputs, 150.0);
         let steps = |table: &ControlTrace, i| held_until_next(&points(table, input, i));
         let places = || inputs.iter().map(|name| (name, self.variables.input_index_of(name)));
         for (name, i) in places() {
@@ -292,12 +283,9 @@ impl Loops<'_> {
         }
         figure.name = format!("Closed loop from {window}");
         figure.x.range = Some((from, to));
-        Picture {
-            stem: format!("control-{from}-{to}"),
-            title: format!("Closed loop: {window}"),
-            figure,
-            caption: "A part of the picture above, enlarged. From the same files.".to_owned(),
-        }
+        let (stem, title) = (format!("control-{from}-{to}"), format!("Closed loop: {window}"));
+        let caption = "A part of the picture above, enlarged. From the same files.";
+        Picture::new(stem, title, figure, caption)
     }
 
     fn caption(&self) -> String {

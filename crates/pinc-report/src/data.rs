@@ -3,7 +3,7 @@
 use crate::error::ReportError;
 use crate::traces::{Steps, Traces};
 use crate::trials::Trials;
-use pinc_chart::{Axis, Kind};
+use pinc_chart::{Axis, Kind, Panel};
 use pinc_config::{Experiment, ModelKind, TimeUnit};
 use pinc_record::metric::{Metric, Unit};
 use pinc_record::{
@@ -158,23 +158,26 @@ impl Run {
     /// to a power written as "²" or nothing.
     pub(crate) fn label_in_states_unit(&self, quantity: &str, power: &str) -> String {
         let controlled = self.experiment.control.iter().flat_map(|control| &control.controlled);
-        let mut states: Vec<&str> = controlled.map(String::as_str).collect();
-        if states.is_empty() {
-            let all = self.metrics.iter().flat_map(|metrics| &metrics.states);
-            states = all.map(String::as_str).collect();
+        let controlled: Vec<&String> = controlled.collect();
+        match controlled.is_empty() {
+            true => self.label_in_all_states_unit(quantity, power),
+            false => self.label_in_common_unit(quantity, &controlled, power),
         }
-        self.label_in_common_unit(quantity, &states, power)
     }
 
     /// The same of a quantity of all states, as the error of a net.
     pub(crate) fn label_in_all_states_unit(&self, quantity: &str, power: &str) -> String {
-        let all = self.metrics.iter().flat_map(|metrics| &metrics.states);
-        let states: Vec<&str> = all.map(String::as_str).collect();
-        self.label_in_common_unit(quantity, &states, power)
+        let states = self.metrics.as_ref().map_or(&[][..], |metrics| &metrics.states);
+        self.label_in_common_unit(quantity, states, power)
     }
 
-    fn label_in_common_unit(&self, quantity: &str, states: &[&str], power: &str) -> String {
-        match self.common_unit(states) {
+    fn label_in_common_unit(
+        &self,
+        quantity: &str,
+        variables: &[impl AsRef<str>],
+        power: &str,
+    ) -> String {
+        match self.common_unit(variables) {
             None => quantity.to_owned(),
             Some("") => format!("{quantity} (–)"),
             Some(unit) => format!("{quantity} ({unit}{power})"),
@@ -183,24 +186,22 @@ impl Run {
 
     /// Variables with their units, as an axis says it: "h1, h2 (cm)", "x (m), v (m/s)"; "(–)" after
     /// a number without dimension.
-    pub(crate) fn axis_label(&self, variables: &[String]) -> String {
-        let names: Vec<&str> = variables.iter().map(String::as_str).collect();
+    pub(crate) fn axis_label(&self, variables: &[impl AsRef<str>]) -> String {
+        let names: Vec<&str> = variables.iter().map(AsRef::as_ref).collect();
         if self.common_unit(&names).is_some() {
-            return self.label_in_unit_of(&variables.join(", "), variables);
+            return self.label_in_unit_of(&names.join(", "), &names);
         }
-        let each =
-            |variable: &String| self.label_in_unit_of(variable, std::slice::from_ref(variable));
-        variables.iter().map(each).collect::<Vec<_>>().join(", ")
+        names.iter().map(|name| self.label_in_unit_of(name, &[name])).collect::<Vec<_>>().join(", ")
+    }
+
+    /// An empty panel with these variables along its axis.
+    pub(crate) fn panel(&self, title: &str, variables: &[impl AsRef<str>], height: f64) -> Panel {
+        Panel::new(title, Axis::new(&self.axis_label(variables), Kind::Linear), height)
     }
 
     /// `quantity` with the unit that `variables` have in common, if they have one.
-    pub(crate) fn label_in_unit_of(&self, quantity: &str, variables: &[String]) -> String {
-        let names: Vec<&str> = variables.iter().map(String::as_str).collect();
-        match self.common_unit(&names) {
-            None => quantity.to_owned(),
-            Some("") => format!("{quantity} (–)"),
-            Some(unit) => format!("{quantity} ({unit})"),
-        }
+    pub(crate) fn label_in_unit_of(&self, quantity: &str, variables: &[impl AsRef<str>]) -> String {
+        self.label_in_common_unit(quantity, variables, "")
     }
 
     /// The unit of a variable, empty for a number without dimension; `None` if nothing is known.
@@ -210,9 +211,9 @@ impl Run {
 
     /// The unit of all these variables, empty for numbers without dimension; `None` if they differ
     /// or nothing is known.
-    fn common_unit(&self, variables: &[&str]) -> Option<&str> {
-        let first = self.unit(variables.first()?)?;
-        variables.iter().all(|v| self.unit(v) == Some(first)).then_some(first)
+    fn common_unit(&self, variables: &[impl AsRef<str>]) -> Option<&str> {
+        let first = self.unit(variables.first()?.as_ref())?;
+        variables.iter().all(|v| self.unit(v.as_ref()) == Some(first)).then_some(first)
     }
 }
 

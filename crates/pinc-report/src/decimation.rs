@@ -141,7 +141,6 @@ mod tests {
 
     /// Two columns: noise with single extremes far above and below it, and a drift.
     fn columns(i: usize) -> Vec<f64> {
-        #[expect(clippy::cast_precision_loss, reason = "small")]
         let x = i as f64;
         let spike = match i {
             77_777 => 50.0,

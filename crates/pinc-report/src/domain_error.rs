@@ -16,7 +16,7 @@ pub(crate) fn picture(run: &Run) -> Option<Picture> {
     if ends.len() != table.variables.len() {
         return None;
     }
-    let label = |variable: &String| run.axis_label(std::slice::from_ref(variable));
+    let label = |variable: &String| run.axis_label(&[variable]);
     let variables: Vec<String> = table.variables.iter().map(label).collect();
     let boxes: Vec<ValuedBox> = boxes(table).collect();
     let fits = |size: &usize| size * size * POINTS_OF_A_CELL <= boxes.len();
@@ -35,12 +35,8 @@ pub(crate) fn picture(run: &Run) -> Option<Picture> {
         mark: worst.as_deref().map(|place| ("the largest error found", place)),
     };
     let (figure, places) = map.figure()?;
-    Some(Picture {
-        stem: "domain-error".to_owned(),
-        title: "Error of one step over the domain".to_owned(),
-        figure,
-        caption: caption(table, places),
-    })
+    let caption = caption(table, places);
+    Some(Picture::new("domain-error", "Error of one step over the domain", figure, caption))
 }
 
 fn boxes(table: &DomainErrorTable) -> impl Iterator<Item = ValuedBox> {

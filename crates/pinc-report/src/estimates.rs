@@ -2,9 +2,9 @@
 
 use crate::data::{OfModel, Run};
 use crate::picture::Picture;
-use pinc_chart::text;
 use pinc_chart::{
     AMBER, Axis, BLUE, Figure, INK, Kind, Panel, Point, Shape, Style, extent, present, state_color,
+    text,
 };
 use pinc_record::{EstimateRow, EstimateTable};
 
@@ -32,7 +32,7 @@ fn picture(run: &Run, of: &OfModel<EstimateTable>, several: bool) -> Picture {
         }
     };
     let figure = Figure::stack(&title, axis, panels);
-    Picture { stem, title, caption: caption(run, of), figure }
+    Picture::new(stem, title, figure, caption(run, of))
 }
 
 fn points(table: &EstimateTable, value: impl Fn(&EstimateRow) -> f64) -> Vec<Point> {
@@ -42,8 +42,7 @@ fn points(table: &EstimateTable, value: impl Fn(&EstimateRow) -> f64) -> Vec<Poi
 /// One estimate with its band, and the truth where it is known.
 fn estimate(run: &Run, of: &OfModel<EstimateTable>, i: usize) -> Panel {
     let (table, name) = (&of.table, &of.table.names[i]);
-    let label = run.axis_label(std::slice::from_ref(name));
-    let mut panel = Panel::new(name, Axis::new(&label, Kind::Linear), 120.0);
+    let mut panel = run.panel(name, &[name], 120.0);
     let trace = run.control.loops.iter().find(|trace| trace.model == of.model);
     let truth = trace.and_then(|trace| {
         let place = trace.table.columns.states.iter().position(|state| state == name)?;
@@ -57,11 +56,8 @@ fn estimate(run: &Run, of: &OfModel<EstimateTable>, i: usize) -> Panel {
         panel.add_named("measured", measured, Style::new(AMBER, Shape::Dots(1.6)).faint(0.6));
     }
     let color = state_color(i);
-    panel.add_named(
-        "estimate",
-        points(table, |row| row.estimate[i]),
-        Style::new(color, Shape::Line(1.4)),
-    );
+    let estimates = points(table, |row| row.estimate[i]);
+    panel.add_named("estimate", estimates, Style::new(color, Shape::Line(1.4)));
     let edge = |sign: f64| points(table, move |row| row.estimate[i] + sign * BAND * row.sd[i]);
     let style = Style::new(color, Shape::Dashes(0.9)).faint(0.7);
     panel.add_named("95 % band", edge(1.0), style);
@@ -72,7 +68,7 @@ fn estimate(run: &Run, of: &OfModel<EstimateTable>, i: usize) -> Panel {
 /// What is measured less what was expected.
 fn innovation(run: &Run, table: &EstimateTable, i: usize) -> Panel {
     let name = &table.measured[i];
-    let label = run.label_in_unit_of("innovation", std::slice::from_ref(name));
+    let label = run.label_in_unit_of("innovation", &[name]);
     let title = format!("Innovation of {name}");
     let mut panel = Panel::new(&title, Axis::new(&label, Kind::Linear), 100.0);
     let dots = Style::new(BLUE, Shape::Dots(2.0));
@@ -108,7 +104,6 @@ fn caption(run: &Run, of: &OfModel<EstimateTable>) -> String {
     );
     let metrics = of.model.and_then(|model| run.metrics.as_ref()?.loop_with(model));
     if let Some(estimator) = metrics.and_then(|of| of.estimator.as_ref()) {
-        #[expect(clippy::cast_precision_loss, reason = "no plant has 2^53 states")]
         let states = estimator.estimate_rmse.len() as f64;
         caption += &mean("NIS", estimator.nis_mean, estimator.nis_expected);
         caption += &mean("NEES", estimator.nees_mean, states);

@@ -15,15 +15,11 @@ pub(crate) fn picture(run: &Run) -> Option<Picture> {
     let axis = run.time_axis(extent(table.rows.iter().map(|row| row.t)));
     let mut panels: Vec<Panel> = (0..table.measured.len()).map(|i| fit(run, table, i)).collect();
     panels.extend((0..table.measured.len()).map(|i| residuals(run, table, i)));
-    Some(Picture {
-        stem: "identification".to_owned(),
-        title: "Identification".to_owned(),
-        caption: "The recorded data with the fit of the model, and the residuals, measured minus \
-                  fitted. Residuals of a model that is right are white: they have no pattern. From \
-                  residuals.csv."
-            .to_owned(),
-        figure: Figure::stack("Identification", axis, panels),
-    })
+    let caption = "The recorded data with the fit of the model, and the residuals, measured minus \
+                   fitted. Residuals of a model that is right are white: they have no pattern. From \
+                   residuals.csv.";
+    let figure = Figure::stack("Identification", axis, panels);
+    Some(Picture::new("identification", "Identification", figure, caption))
 }
 
 /// A value at each row, with a gap from file to file.
@@ -40,8 +36,7 @@ fn points(table: &ResidualTable, value: impl Fn(&ResidualRow) -> f64) -> Vec<Poi
 
 fn fit(run: &Run, table: &ResidualTable, i: usize) -> Panel {
     let name = &table.measured[i];
-    let label = run.axis_label(std::slice::from_ref(name));
-    let mut panel = Panel::new(name, Axis::new(&label, Kind::Linear), 140.0);
+    let mut panel = run.panel(name, &[name], 140.0);
     let measured = present(points(table, |row| row.measured[i]));
     panel.add_named("measured", measured, Style::new(AMBER, Shape::Dots(1.8)).faint(0.7));
     let fitted = points(table, |row| row.fitted[i]);
@@ -51,7 +46,7 @@ fn fit(run: &Run, table: &ResidualTable, i: usize) -> Panel {
 
 fn residuals(run: &Run, table: &ResidualTable, i: usize) -> Panel {
     let name = &table.measured[i];
-    let label = run.label_in_unit_of("residual", std::slice::from_ref(name));
+    let label = run.label_in_unit_of("residual", &[name]);
     let title = format!("Residuals of {name}");
     let mut panel = Panel::new(&title, Axis::new(&label, Kind::Linear), 100.0);
     let dots = Style::new(BLUE, Shape::Dots(2.0));
@@ -79,17 +74,13 @@ pub(crate) fn paragraph(of: &IdentificationMetrics) -> String {
 
 /// The estimates, and what is left of the data.
 pub(crate) fn number_tables(of: &IdentificationMetrics) -> Vec<NumberTable> {
-    let heads = |heads: &[&str]| heads.iter().map(|&head| head.to_owned()).collect();
     let parameters = of.parameters.iter().filter(|(name, _)| of.net_of(name).is_none());
     let parameters = parameters.map(|(name, parameter)| {
         let [value, width] = shown(&parameter.estimate);
         vec![name.clone(), value, width, text::number(parameter.initial, 4)]
     });
-    let mut tables = vec![NumberTable {
-        title: "Parameters".to_owned(),
-        heads: heads(&["", "value", "half width, 95 %", "start"]),
-        rows: parameters.collect(),
-    }];
+    let heads = ["", "value", "half width, 95 %", "start"];
+    let mut tables = vec![NumberTable::new("Parameters", heads, parameters)];
     let gains = (!of.gains.is_empty()).then(|| ("Gains of the prediction".to_owned(), &of.gains));
     let states = of.initial_states.iter();
     let states = states.map(|of| (format!("Initial state of {}", of.file), &of.states));
@@ -98,8 +89,7 @@ pub(crate) fn number_tables(of: &IdentificationMetrics) -> Vec<NumberTable> {
             let [value, width] = shown(estimate);
             vec![name.clone(), value, width]
         });
-        let (heads, rows) = (heads(&["", "value", "half width, 95 %"]), rows.collect());
-        tables.push(NumberTable { title, heads, rows });
+        tables.push(NumberTable::new(title, heads[..3].iter().copied(), rows));
     }
     let residuals = of.residuals.iter().map(|(name, left)| {
         vec![
@@ -110,17 +100,8 @@ pub(crate) fn number_tables(of: &IdentificationMetrics) -> Vec<NumberTable> {
             left.with_inputs(),
         ]
     });
-    tables.push(NumberTable {
-        title: "Residuals".to_owned(),
-        heads: heads(&[
-            "",
-            "values",
-            "rms",
-            "correlation of neighbours",
-            "with inputs (by chance)",
-        ]),
-        rows: residuals.collect(),
-    });
+    let heads = ["", "values", "rms", "correlation of neighbours", "with inputs (by chance)"];
+    tables.push(NumberTable::new("Residuals", heads, residuals));
     let several = of.correlation.names.len() > 1 && of.correlation.names.len() <= 20;
     tables.extend(several.then(|| correlation(of)));
     tables
@@ -141,9 +122,6 @@ fn correlation(of: &IdentificationMetrics) -> NumberTable {
         let cell = |c: &Option<f64>| c.map_or_else(|| MISSING.to_owned(), |c| format!("{c:.2}"));
         std::iter::once(name.clone()).chain(row.iter().map(cell)).collect()
     });
-    NumberTable {
-        title: "Correlation of the estimates".to_owned(),
-        heads: std::iter::once(String::new()).chain(names.iter().cloned()).collect(),
-        rows: rows.collect(),
-    }
+    let heads = std::iter::once("").chain(names.iter().map(String::as_str));
+    NumberTable::new("Correlation of the estimates", heads, rows)
 }

@@ -24,16 +24,12 @@ pub(crate) fn picture(run: &Run, variables: &Variables) -> Option<Picture> {
     };
     let axis = run.time_axis(extent(rows.iter().map(|row| row.t)));
     let title = "Error of the net along the loop";
-    Some(Picture {
-        stem: "model-error".to_owned(),
-        title: title.to_owned(),
-        figure: Figure::stack(title, axis, shown.iter().map(panel).collect()),
-        caption: caption(run),
-    })
+    let figure = Figure::stack(title, axis, shown.iter().map(panel).collect());
+    Some(Picture::new("model-error", title, figure, caption(run)))
 }
 
 fn panel(run: &Run, rows: &[&PairRow], (state, place): (&String, usize)) -> Panel {
-    let label = run.label_in_unit_of(&format!("|error of {state}|"), std::slice::from_ref(state));
+    let label = run.label_in_unit_of(&format!("|error of {state}|"), &[state]);
     let mut panel = Panel::new(state, Axis::new(&label, Kind::Log), 130.0);
     let points = |which: usize| {
         present(rows.iter().map(|row| (row.t, row.values[which][place].abs())).collect())

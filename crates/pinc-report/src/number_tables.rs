@@ -16,6 +16,26 @@ pub(crate) struct NumberTable {
     pub(crate) rows: Vec<Vec<String>>,
 }
 
+impl NumberTable {
+    pub(crate) fn new<H: Into<String>>(
+        title: impl Into<String>,
+        heads: impl IntoIterator<Item = H>,
+        rows: impl IntoIterator<Item = Vec<String>>,
+    ) -> Self {
+        let heads = heads.into_iter().map(Into::into).collect();
+        Self { title: title.into(), heads, rows: rows.into_iter().collect() }
+    }
+
+    /// The same; `None` without rows.
+    pub(crate) fn of_any<H: Into<String>>(
+        title: impl Into<String>,
+        heads: impl IntoIterator<Item = H>,
+        rows: impl IntoIterator<Item = Vec<String>>,
+    ) -> Option<Self> {
+        Some(Self::new(title, heads, rows)).filter(|table| !table.rows.is_empty())
+    }
+}
+
 /// What `metrics.json` says of training, validation, free run and closed loops.
 pub(crate) fn number_tables(run: &Run) -> Vec<NumberTable> {
     let mut tables = Vec::new();
@@ -41,16 +61,14 @@ pub(crate) fn key_numbers(run: &Run) -> Option<NumberTable> {
     // The unit of the metric, with a short name.
     let named = |(metric, name): (&Metric, _)| run.label_of(metric).replace(metric.title, name);
     let heads = ["model".to_owned()].into_iter().chain(metrics.map(named));
-    let heads: Vec<String> = heads.chain(["failed steps".to_owned()]).collect();
+    let heads = heads.chain(["failed steps".to_owned()]);
     let row = |of: &ControlMetrics| {
         let name = [run.model_name(Some(of.model)).to_owned()].into_iter();
         let values = metrics.iter().map(|(metric, _)| shown(metric, metric.of_loop(of)));
         let failed = format!("{} of {}", text::count(of.failed_steps()), text::count(of.steps()));
         name.chain(values).chain([failed]).collect()
     };
-    let rows: Vec<_> = loops.iter().map(row).collect();
-    let title = "Closed loop".to_owned();
-    (!rows.is_empty()).then_some(NumberTable { title, heads, rows })
+    NumberTable::of_any("Closed loop", heads, loops.iter().map(row))
 }
 
 /// The metrics of a stage of the net; `None` if the run did not get so far.
@@ -63,9 +81,7 @@ fn of_stage(metrics: &Metrics, title: &str, stage: &'static [Metric]) -> Option<
         };
         Some(vec![name, value])
     };
-    let rows: Vec<_> = Metric::rows(stage).iter().filter_map(row).collect();
-    let (title, heads) = (title.to_owned(), Vec::new());
-    (!rows.is_empty()).then_some(NumberTable { title, heads, rows })
+    NumberTable::of_any(title, [""; 0], Metric::rows(stage).iter().filter_map(row))
 }
 
 /// The number of a metric, as reports write it.
@@ -113,8 +129,7 @@ fn control(run: &Run, models: &[ControlMetrics]) -> Option<NumberTable> {
         cells.extend(both.map(|(pinc, rk4)| row.compare(pinc, rk4)));
         cells
     };
-    let rows = LoopRow::all().map(row).collect();
-    Some(NumberTable { title: "Closed loop".to_owned(), heads, rows })
+    Some(NumberTable::new("Closed loop", heads, LoopRow::all().map(row)))
 }
 
 /// A row of the tables of closed loops.

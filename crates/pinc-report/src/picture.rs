@@ -29,6 +29,15 @@ const MOST_POINTS: usize = 50_000;
 const MOST_IN_CURVE: usize = 10_000;
 
 impl Picture {
+    pub(crate) fn new(
+        stem: impl Into<String>,
+        title: impl Into<String>,
+        figure: Figure,
+        caption: impl Into<String>,
+    ) -> Self {
+        Self { stem: stem.into(), title: title.into(), figure, caption: caption.into() }
+    }
+
     /// Draws the picture; `None` if it would be empty.
     fn drawn(self) -> Option<Drawn> {
         let svg = self.figure.svg()?;

@@ -3,10 +3,9 @@
 use crate::data::Run;
 use crate::picture::Picture;
 use crate::variables::{Variables, by_axis};
-use pinc_chart::text;
 use pinc_chart::{
     Axis, BLACK, Event, Figure, Kind, Look, Panel, Point, Shape, Style, extent, held_until_next,
-    input_color, present, state_color, state_mark,
+    input_color, present, state_color, state_mark, text,
 };
 use pinc_ode::Variable;
 use pinc_record::{PredictionRow, PredictionTable, file};
@@ -29,12 +28,7 @@ pub(crate) fn picture(run: &Run, variables: &Variables) -> Option<Picture> {
     let axis = run.time_axis(t);
     let mut figure = Figure::stack("Free run of the net against the truth", axis, panels);
     figure.events = horizon(run, t);
-    Some(Picture {
-        stem: "prediction".to_owned(),
-        title: "Free-run prediction".to_owned(),
-        caption: caption(table),
-        figure,
-    })
+    Some(Picture::new("prediction", "Free-run prediction", figure, caption(table)))
 }
 
 /// The points of what `value` finds in a row.
@@ -50,7 +44,7 @@ pub(crate) fn marks(table: &PredictionTable, place: usize) -> Vec<Point> {
 
 fn state_panel(run: &Run, table: &PredictionTable, title: &str, states: &[String]) -> Panel {
     let height = if states.len() == table.states.len() { 280.0 } else { 200.0 };
-    let mut panel = Panel::new(title, Axis::new(&run.axis_label(states), Kind::Linear), height);
+    let mut panel = run.panel(title, states, height);
     let places = || states.iter().filter_map(|name| Some((name, table.index_of(name)?)));
     for (name, place) in places() {
         let style = Style::new(BLACK, Shape::Line(4.6)).faint(0.9);
@@ -83,8 +77,7 @@ fn input(table: &PredictionTable, name: &str) -> (usize, Vec<Point>) {
 }
 
 fn input_panel(run: &Run, table: &PredictionTable, title: &str, names: &[String]) -> Panel {
-    let label = run.axis_label(names);
-    let mut panel = Panel::new(title, Axis::new(&label, Kind::Linear), 120.0);
+    let mut panel = run.panel(title, names, 120.0);
     for name in names {
         let (place, points) = input(table, name);
         let style = Style::new(input_color(place), Shape::Line(1.8));

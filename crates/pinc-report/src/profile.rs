@@ -20,17 +20,14 @@ pub(crate) fn picture(run: &Run, variables: &Variables) -> Option<Picture> {
     }
     let panels = arrays.into_iter().map(|array| panel(run, &variables.states, &array, &rows));
     let axis = Axis::new("index", Kind::Linear);
-    let figure = Figure::stack(&format!("Profiles of the {what}"), axis, panels.collect());
-    Some(Picture {
-        stem: "profiles".to_owned(),
-        title: format!("Profiles of the {what}"),
-        figure,
-        caption: format!(
-            "The elements of each array over their indices, at {} times from the first to the \
-             last. From {file}.",
-            TIMES.min(rows.len())
-        ),
-    })
+    let title = format!("Profiles of the {what}");
+    let figure = Figure::stack(&title, axis, panels.collect());
+    let caption = format!(
+        "The elements of each array over their indices, at {} times from the first to the last. \
+         From {file}.",
+        TIMES.min(rows.len())
+    );
+    Some(Picture::new("profiles", title, figure, caption))
 }
 
 /// Times and states.
@@ -68,6 +65,5 @@ fn panel(run: &Run, states: &[String], array: &Range<usize>, rows: &Rows<'_>) ->
 /// The indices of the elements.
 fn indices(names: &[String]) -> Vec<f64> {
     let index = |name: &String| Variable::split_name(name).map_or(0, |(_, index)| index);
-    #[expect(clippy::cast_precision_loss, reason = "no array has 2^53 elements")]
     names.iter().map(|name| index(name) as f64).collect()
 }

@@ -2,8 +2,9 @@
 
 use crate::data::Run;
 use crate::picture::Picture;
-use pinc_chart::text;
-use pinc_chart::{AMBER, Axis, BLACK, BLUE, Figure, Kind, Panel, Shape, Style, extent, present};
+use pinc_chart::{
+    AMBER, Axis, BLACK, BLUE, Figure, Kind, Panel, Shape, Style, extent, present, text,
+};
 use pinc_record::StepRow;
 
 /// The controller step by step, if there was a closed loop.
@@ -16,16 +17,10 @@ pub(crate) fn picture(run: &Run) -> Option<Picture> {
     let axis = Axis::ranged("control step k", Kind::Linear, (first - 0.5, last + 0.5));
     let panels = vec![times(run), iterations(run), residuals(run)];
     let figure = Figure::stack("The controller step by step", axis, panels);
-    Some(Picture {
-        stem: "steps".to_owned(),
-        title: "Controller per step".to_owned(),
-        caption: caption(run),
-        figure,
-    })
+    Some(Picture::new("steps", "Controller per step", figure, caption(run)))
 }
 
 /// A step's number on an axis.
-#[expect(clippy::cast_precision_loss, reason = "no run has 2^53 steps")]
 fn number(row: &StepRow) -> f64 {
     row.step as f64
 }
@@ -53,7 +48,6 @@ fn times(run: &Run) -> Panel {
 
 fn iterations(run: &Run) -> Panel {
     let mut panel = Panel::new("SQP iterations", Axis::new("iterations", Kind::Count), 130.0);
-    #[expect(clippy::cast_precision_loss, reason = "no step has 2^53 iterations")]
     add_with_failures(run, &mut panel, |row| row.sqp_iterations as f64);
     panel
 }

@@ -6,8 +6,7 @@ use crate::number_tables::{comparison, shown};
 use pinc_chart::text;
 use pinc_config::ModelKind;
 use pinc_mpc::SqpStatus;
-use pinc_record::metric;
-use pinc_record::{ControlMetrics, Metrics, TrainingMetrics, ValidationMetrics};
+use pinc_record::{ControlMetrics, Metrics, TrainingMetrics, ValidationMetrics, metric};
 
 /// The run in a few sentences, one a line; empty if there are no metrics.
 pub(crate) fn sentences(run: &Run) -> String {

@@ -177,7 +177,6 @@ impl Steps {
                     reasons.push(row.status.clone());
                 }
             }
-            #[expect(clippy::cast_precision_loss, reason = "no step has 2^53 iterations")]
             let iterations = row.sqp_iterations as f64;
             let failure = f64::from(u8::from(!row.converged()));
             let columns = vec![row.solve_us, iterations, row.kkt, failure];

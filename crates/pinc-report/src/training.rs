@@ -2,10 +2,9 @@
 
 use crate::data::Run;
 use crate::picture::Picture;
-use pinc_chart::text;
 use pinc_chart::{
     Axis, BLACK, BLUE, Event, Figure, GREEN, Kind, Label, PURPLE, Panel, Point, SKY, Shape, Style,
-    VERMILLION, extent, present,
+    VERMILLION, extent, present, text,
 };
 use pinc_net::optim::OptimizerConfig;
 use pinc_record::{TrainingRow, file};
@@ -26,16 +25,10 @@ pub(crate) fn picture(run: &Run) -> Option<Picture> {
     let axis = Axis::ranged(X_LABEL, Kind::Linear, (0.0, extent(rows.iter().map(x)).1));
     let mut figure = Figure::stack("Training curves", axis, vec![loss, gradient]);
     figure.events = events(run, rows);
-    Some(Picture {
-        stem: "training".to_owned(),
-        title: "Training".to_owned(),
-        caption: caption(rows, best),
-        figure,
-    })
+    Some(Picture::new("training", "Training", figure, caption(rows, best)))
 }
 
 /// A row's place on the axis.
-#[expect(clippy::cast_precision_loss, reason = "no training has 2^53 evaluations")]
 fn x(row: &TrainingRow) -> f64 {
     row.loss_evaluations as f64
 }

@@ -30,7 +30,6 @@ pub fn median(values: &[f64]) -> f64 {
 
 /// A number of points or operations.
 #[must_use]
-#[expect(clippy::cast_precision_loss, reason = "numbers of points and operations below 2^53")]
 pub fn to_f64(n: u64) -> f64 {
     n as f64
 }

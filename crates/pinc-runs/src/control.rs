@@ -1,12 +1,10 @@
 //! The closed-loop stage: the plant under the controller, with one model after the other.
 
-use super::Options;
 use super::feedback::{self, TimedFeedback};
 use super::first_plan::first_plan;
 use super::guard::Guard;
-use super::loop_error;
-use super::model_error;
 use super::recording::{Recording, Totals, TraceColumns, write_medians};
+use super::{Options, loop_error, model_error};
 use crate::RunError;
 use crate::progress::Stage;
 use pinc_check::{Metered, Rehearsal, Work};
@@ -200,7 +198,6 @@ fn run_model(
 /// [`RunError::Failed`] if more control steps failed in a loop than the config allows.
 pub fn verdict(experiment: &Experiment, metrics: &Metrics) -> Result<(), RunError> {
     let Some(spec) = &experiment.control else { return Ok(()) };
-    #[expect(clippy::cast_precision_loss, reason = "no run has 2^53 steps")]
     let share = |of: &ControlMetrics| of.failed_steps() as f64 / of.steps() as f64;
     match metrics.control.iter().find(|of| share(of) > spec.max_failed_share) {
         None => Ok(()),
@@ -444,7 +441,6 @@ impl LoopSetup<'_> {
     fn reached(&self, run: &ClosedLoop<'_>) -> ReferenceMetrics {
         let within = self.settled_within(run);
         let segments = run.segments(&within);
-        #[expect(clippy::cast_precision_loss, reason = "no run has 2^53 steps")]
         let seconds = |steps: usize| steps as f64 * self.sample_time_s;
         let offsets = |i: usize| {
             let offsets = segments.iter().map(|segment| segment.offset[i]);

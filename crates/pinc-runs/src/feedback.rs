@@ -169,7 +169,6 @@ impl LoopSetup<'_> {
         let (spec, measurement) = self.sections().expect("a history is of an estimator");
         let names = spec.names(&measurement, &variables);
         let measured = measurement.names(&variables);
-        #[expect(clippy::cast_precision_loss, reason = "no run has 2^53 steps")]
         let t = |k: usize| k as f64 * self.sample_time_s;
         table(history, (names, measured), t)
     }
@@ -202,7 +201,6 @@ pub(super) fn metrics(
     (states, measured): (&[String], &[String]),
     times_us: Vec<f64>,
 ) -> EstimatorMetrics {
-    #[expect(clippy::cast_precision_loss, reason = "no run has 2^53 steps")]
     let real = |count: usize| count as f64;
     let judged: Vec<_> = history.corrections.iter().filter(|c| !c.nis.is_nan()).collect();
     let nis_steps = judged.len();

@@ -70,9 +70,7 @@ fn simulate(
     }];
     for (k, input) in inputs.iter().enumerate() {
         for i in 1..=subintervals {
-            #[expect(clippy::cast_precision_loss, reason = "no run has 2^53 rows")]
             let t = (k as f64 + i as f64 / subintervals as f64) * sample_time_s;
-            #[expect(clippy::cast_precision_loss, reason = "as above")]
             truth.integrate(&mut x, input, sample_time_s / subintervals as f64)?;
             let held = if i < subintervals { input } else { &inputs[(k + 1).min(steps - 1)] };
             let (state, mark) = match net.time_only() {

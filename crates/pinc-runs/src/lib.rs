@@ -503,7 +503,6 @@ fn matching_model(
         }
     }
     if let (None, Some(control)) = (experiment.sample_time_s(), &experiment.control) {
-        #[expect(clippy::cast_precision_loss, reason = "far fewer than 2^53")]
         let least = control.duration_s / MOST_STEPS as f64;
         if net.sample_time_s() < least {
             let found = format!("{} s", net.sample_time_s());

@@ -1,11 +1,10 @@
 //! A controller with its estimator, stepped by a plant that is somewhere else.
 
-use super::LoopSetup;
 use super::chosen::{Chosen, ModelFile};
-use super::feedback;
 use super::first_plan::first_plan;
 use super::guard::Guard;
 use super::model_error::{self, SharedLog};
+use super::{LoopSetup, feedback};
 use crate::RunError;
 use crate::clock::Deadline;
 use pinc_config::{ControlSpec, Experiment, ModelKind, Variables, sha256};

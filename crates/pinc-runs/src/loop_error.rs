@@ -41,7 +41,6 @@ pub(crate) fn write(
     let (mut rows, mut step) = (Vec::new(), 0);
     let mut samples = reader.peekable();
     while let Some(row) = samples.next().transpose()? {
-        #[expect(clippy::cast_precision_loss, reason = "no run has 2^53 steps")]
         let mark = step as f64 * setup.sample_time_s;
         // No step begins at the end of the loop.
         if (row.t - mark).abs() > MARK * setup.sample_time_s || samples.peek().is_none() {

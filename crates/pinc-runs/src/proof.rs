@@ -153,7 +153,6 @@ pub(crate) fn worst_points(
         let (x, rest) = point.split_at(n);
         let (u, p) = rest.split_at(m);
         for k in 1..=TIMES {
-            #[expect(clippy::cast_precision_loss, reason = "a few")]
             let share = k as f64 / TIMES as f64;
             points.push(share * net.sample_time_s(), x, u, p);
         }

@@ -261,7 +261,6 @@ fn square(matrix: &[f64], n: usize, v: impl Fn(usize) -> f64) -> f64 {
 }
 
 /// How much a violation at stage `j` counts: the later, the less, since later plans may avoid it.
-#[expect(clippy::cast_precision_loss, reason = "far below 2^53 stages")]
 pub(crate) fn urgency(horizon: usize, j: usize) -> f64 {
     (horizon + 1 - j) as f64 / horizon as f64
 }

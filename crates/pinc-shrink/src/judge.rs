@@ -142,13 +142,11 @@ pub(crate) fn judge(
             outcome.broken += usize::from(breaks);
             outcome.newly_broken += usize::from(breaks && !by_own[k].1);
             let counts = trace.as_ref().map_or([0; 2], |trace| [trace.kept, trace.optimized]);
-            #[expect(clippy::cast_precision_loss, reason = "far below 2^53 steps")]
             let [kept, optimized] = counts.map(|count| count as f64);
             outcome.kept += kept;
             outcome.optimized += optimized;
         }
     }
-    #[expect(clippy::cast_precision_loss, reason = "far below 2^53 steps")]
     let steps = steps.max(1) as f64;
     let Judgement { nmpc, net, checked, backed, .. } = &mut judgement;
     for outcome in [nmpc, net, checked, backed] {

@@ -34,7 +34,6 @@ impl Net {
     pub(crate) fn new(widths: Vec<usize>, random: &mut ChaCha8Rng) -> Self {
         let mut weights = Vec::new();
         for pair in widths.windows(2) {
-            #[expect(clippy::cast_precision_loss, reason = "layers are small")]
             let most = (6.0 / (pair[0] + pair[1]) as f64).sqrt();
             weights.extend((0..pair[0] * pair[1]).map(|_| random.random_range(-most..most)));
             weights.extend(std::iter::repeat_n(0.0, pair[1]));

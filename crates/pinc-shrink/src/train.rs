@@ -83,7 +83,6 @@ impl<'a> Loss<'a> {
         Self { net, targets: labels.iter().map(target).collect(), isa }
     }
 
-    #[expect(clippy::cast_precision_loss, reason = "far below 2^53 labels")]
     fn count(&self) -> f64 {
         self.targets.len() as f64
     }

@@ -13,8 +13,7 @@
 //! rule, which is stable for stiff equations too, carries Phi from node to node. All nodes are known
 //! in advance, so net, equation and Jacobian are evaluated at all nodes at once in SIMD lanes.
 
-use crate::VerifyError;
-use crate::reference;
+use crate::{VerifyError, reference};
 use pinc_ad::simd::{Isa, Simd, Task, Work, tanh_all};
 use pinc_net::{FoldedNet, PincModel, PincNet, TrainingTarget};
 use pinc_ode::{DynPlant, Model, VECTOR_DIRECTIONS, Variable, VectorDual, VectorRhs};

@@ -158,7 +158,6 @@ impl StepError {
 pub(crate) fn spread(domain: &[[f64; 2]], count: usize, seed: u64) -> Vec<Vec<f64>> {
     let n = domain.len();
     let root = (0..64).fold(1.5_f64, |x, _| (1.0 + x).powf(1.0 / to_f64(n + 1)));
-    #[expect(clippy::cast_precision_loss, reason = "any number would do")]
     let begin = (seed as f64 * 0.754_877_666_246_693).fract();
     let share = |k: usize, i: usize| {
         let power = (0..=i).fold(1.0, |power, _| power / root);

@@ -18,7 +18,6 @@ pub(crate) fn up(value: f64) -> f64 {
 }
 
 /// The number as an `f64`.
-#[expect(clippy::cast_precision_loss, reason = "far fewer than 2^53")]
 pub(crate) fn to_f64(count: usize) -> f64 {
     count as f64
 }

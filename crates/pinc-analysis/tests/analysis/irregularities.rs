@@ -125,7 +125,6 @@ impl Terms for Counted {
 }
 
 impl Counted {
-    #[expect(clippy::cast_precision_loss, reason = "few terms")]
     fn value(&self, i: usize, at: &[f64]) -> f64 {
         at[i % 2] + 1.5 * (i as f64) / (self.count as f64)
     }

@@ -7,8 +7,7 @@ use super::results::{BenchReport, NmpcTimes};
 use pinc_config::Experiment;
 use pinc_record::{ControlMetrics, RecordError, RunDir, file};
 use pinc_runs::clock::to_f64;
-use pinc_runs::read_model;
-use pinc_runs::{Options, RunError, Verbosity};
+use pinc_runs::{Options, RunError, Verbosity, read_model};
 use std::path::Path;
 use std::sync::atomic::AtomicBool;
 

@@ -6,9 +6,8 @@ use super::results::{FmaPeak, LossGradient};
 use pinc_config::Experiment;
 use pinc_net::{BatchLoss, Isa, LossWeights, PincNet, Points, Workers, initial_conditions};
 use pinc_ode::DynPlant;
-use pinc_runs::RunError;
-use pinc_runs::TrainingSetup;
 use pinc_runs::clock::{for_seconds, median, time, to_f64};
+use pinc_runs::{RunError, TrainingSetup};
 use std::path::Path;
 use std::sync::Barrier;
 

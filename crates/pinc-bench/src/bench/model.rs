@@ -4,8 +4,7 @@ use super::cases::{Case, Effort};
 use super::results::ModelStep;
 use pinc_net::{Domain, PincModel, PincNet};
 use pinc_ode::{DynPlant, Integrator, Model};
-use pinc_runs::RunError;
-use pinc_runs::Steps;
+use pinc_runs::{RunError, Steps};
 
 /// Substeps of the Runge-Kutta method that are measured.
 const SUBSTEPS: [usize; 5] = [1, 4, 5, 10, 50];

@@ -3,8 +3,7 @@
 use pinc_config::{ControlSpec, Experiment, ModelKind, OnError, Plants};
 use pinc_net::{Domain, TrainingTarget};
 use pinc_ode::DynPlant;
-use pinc_runs::RunError;
-use pinc_runs::Steps;
+use pinc_runs::{RunError, Steps};
 use std::collections::BTreeMap;
 use std::fmt::Write;
 use std::mem;

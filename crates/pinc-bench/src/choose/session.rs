@@ -9,11 +9,12 @@ use pinc_config::{Experiment, Plants, Trial, trials};
 use pinc_record::{
     Ending, Finished, Invocation, OneStepMetrics, Provenance, RunDir, SweepDir, file,
 };
-use pinc_runs::RunError;
 use pinc_runs::clock::Deadline;
 use pinc_runs::invocation::{cores, invocation};
 use pinc_runs::progress::{Stage, Verbosity};
-use pinc_runs::{IntegratorBox, Options, Threads, proven_net_error, run_trial, train_shared};
+use pinc_runs::{
+    IntegratorBox, Options, RunError, Threads, proven_net_error, run_trial, train_shared,
+};
 use std::path::Path;
 
 /// The candidates tried so far, and where what came of them lies.

@@ -3,9 +3,8 @@
 use crate::sweep::{Status, status, units_left};
 use pinc_config::{Experiment, Plants, Problem, SlurmSpec};
 use pinc_record::{RecordError, RunDir, read_text, write_atomically};
-use pinc_runs::Options;
-use pinc_runs::RunError;
 use pinc_runs::progress::Stage;
+use pinc_runs::{Options, RunError};
 use std::fmt::{self, Write as _};
 use std::fs;
 use std::path::{Path, PathBuf};

@@ -17,8 +17,7 @@ use pinc_record::{
 };
 use pinc_runs::invocation::{cores, invocation};
 use pinc_runs::progress::Verbosity;
-use pinc_runs::{Options, rebuild_report};
-use pinc_runs::{RunError, console};
+use pinc_runs::{Options, RunError, console, rebuild_report};
 use progress::Progress;
 use std::collections::{HashMap, HashSet};
 use std::path::{Path, PathBuf};

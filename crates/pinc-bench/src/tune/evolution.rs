@@ -46,12 +46,8 @@ impl Evolution {
         let n = mean.len();
         let mut identity = vec![0.0; n * n];
         identity.iter_mut().step_by(n + 1).for_each(|entry| *entry = 1.0);
-        #[expect(
-            clippy::cast_possible_truncation,
-            clippy::cast_sign_loss,
-            reason = "a few candidates"
-        )]
-        let usual = 4 + (3.0 * count(n).ln()) as usize;
+        #[expect(clippy::cast_possible_truncation, reason = "a few candidates")]
+        let usual = 4 + (3.0 * (n as f64).ln()) as usize;
         Self {
             population: usual * size,
             mean,
@@ -91,10 +87,10 @@ impl Evolution {
     /// Moves to the better half of a generation, which is sorted, the best first.
     pub(super) fn learn(&mut self, sorted: &[&Drawn]) {
         let n = self.mean.len();
-        let size = count(n);
+        let size = n as f64;
         let better = (sorted.len() / 2).max(1);
         let raw: Vec<f64> =
-            (1..=better).map(|i| (count(better) + 0.5).ln() - count(i).ln()).collect();
+            (1..=better).map(|i| (better as f64 + 0.5).ln() - (i as f64).ln()).collect();
         let sum: f64 = raw.iter().sum();
         let weights: Vec<f64> = raw.iter().map(|weight| weight / sum).collect();
         let effective = 1.0 / weights.iter().map(|weight| weight * weight).sum::<f64>();
@@ -166,11 +162,6 @@ fn factored(covariance: &[f64], n: usize) -> Vec<f64> {
 fn mirrored(value: f64) -> f64 {
     let around = value.rem_euclid(2.0);
     if around > 1.0 { 2.0 - around } else { around }
-}
-
-#[expect(clippy::cast_precision_loss, reason = "small numbers")]
-fn count(n: usize) -> f64 {
-    n as f64
 }
 
 #[cfg(test)]

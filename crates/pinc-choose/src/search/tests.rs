@@ -76,7 +76,6 @@ fn order_of(
     (loops.asked, found)
 }
 
-#[expect(clippy::cast_precision_loss, reason = "small numbers")]
 fn us(substeps: usize) -> f64 {
     1.0 + substeps as f64
 }

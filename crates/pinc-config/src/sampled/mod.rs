@@ -114,7 +114,6 @@ fn no_grid(path: &str, expected: String) -> (String, Problem) {
 fn grid(table: &Table) -> Result<Grid, String> {
     let number = |value: Option<&Value>| match value? {
         Value::Float(number) => Some(*number),
-        #[expect(clippy::cast_precision_loss, reason = "times are far smaller than 2^53")]
         Value::Integer(number) => Some(*number as f64),
         _ => None,
     };
@@ -132,17 +131,15 @@ fn grid(table: &Table) -> Result<Grid, String> {
             .to_owned());
     };
     let steps = duration_s / sample_time_s;
-    #[expect(clippy::cast_precision_loss, reason = "far less than 2^53")]
     let most = MOST_STEPS as f64;
     if steps > most {
         return Err(format!("a run of {MOST_STEPS} steps at most; it has {steps:.0}"));
     }
-    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "checked above")]
+    #[expect(clippy::cast_possible_truncation, reason = "checked above")]
     Ok(Grid { sample_time_s, steps: (steps.round() as usize).max(1) })
 }
 
 impl Grid {
-    #[expect(clippy::cast_precision_loss, reason = "no run has 2^53 steps")]
     fn time(self, step: usize) -> f64 {
         rounded(step as f64 * self.sample_time_s)
     }
@@ -199,7 +196,6 @@ fn signals(path: &str, given: &Table, grid: Grid) -> Checked<BTreeMap<String, Si
         let path = format!("{path}.{name}");
         let signal = match value {
             Value::Float(number) => Signal::Number(*number),
-            #[expect(clippy::cast_precision_loss, reason = "a number that a user writes")]
             Value::Integer(number) => Signal::Number(*number as f64),
             Value::String(text) => Signal::Function(function(&path, text)?),
             Value::Table(table) if is_file(table) => {

@@ -174,12 +174,7 @@ impl SearchRange {
     pub(crate) fn value(&self, place: f64) -> Value {
         let (Some(low), Some(high)) = (self.low, self.high) else {
             let count = self.values.len();
-            #[expect(
-                clippy::cast_precision_loss,
-                clippy::cast_possible_truncation,
-                clippy::cast_sign_loss,
-                reason = "a place in a short list"
-            )]
+            #[expect(clippy::cast_possible_truncation, reason = "a place in a short list")]
             let i = (place * count as f64) as usize;
             return self.values[i.min(count - 1)].clone();
         };

@@ -4,7 +4,7 @@ use super::values::{
     CONTROLLED, alone, at_least_one, bounds, each, length, named_tolerances, names, not_negative,
     positive, tolerance, value, wrong_length,
 };
-use super::{Checked, Problem, cost, plant};
+use super::{Checked, Problem, cost, plant, schedule::increasing};
 use crate::registry::Variables;
 use crate::{ControlSpec, Experiment, ModelKind, OnError};
 use pinc_mpc::{MpcError, Softness, Weight};
@@ -201,27 +201,16 @@ fn input_differences(spec: &ControlSpec, inputs: usize) -> Checked {
 }
 
 fn references(spec: &ControlSpec) -> Checked {
-    let mut previous = None;
-    for (i, step) in spec.references.iter().enumerate() {
-        let key = format!("control.references[{i}]");
-        let start = format!("{key}.start_s");
-        match previous {
-            None if step.start_s != 0.0 => {
-                return value(&start, step.start_s, "0: the run begins with the first reference");
-            }
-            Some(before) if step.start_s <= before => {
-                return value(
-                    &start,
-                    step.start_s,
-                    &format!("more than {before}, the start before it"),
-                );
-            }
-            _ => previous = Some(step.start_s),
-        }
-        let value = format!("{key}.value");
-        length(&value, &step.value, spec.controlled.len(), CONTROLLED)?;
+    if let Some(first) = spec.references.first().filter(|first| first.start_s != 0.0) {
+        let expected = "0: the run begins with the first reference";
+        return value("control.references[0].start_s", first.start_s, expected);
     }
-    Ok(())
+    let starts = spec.references.iter().map(|step| step.start_s);
+    increasing("control.references", starts, f64::INFINITY)?;
+    spec.references.iter().enumerate().try_for_each(|(i, step)| {
+        let key = format!("control.references[{i}].value");
+        length(&key, &step.value, spec.controlled.len(), CONTROLLED)
+    })
 }
 
 /// The plant in the loop: it has the states and inputs of the one that the models are of.
@@ -276,7 +265,6 @@ fn mpc_finding(error: &MpcError) -> (String, Problem) {
         "output_softness" => "control.output_softness.penalty",
         "increment_bounds" => "control.increment_low, control.increment_high",
         "delay" => "control.delay_steps",
-        "last (N2)" => "control.n2",
         _ => "control",
     };
     (key.to_owned(), Problem::Value { found, expected })

@@ -115,7 +115,6 @@ fn training(experiment: &Experiment) -> Checked {
 
 fn controller(spec: &ControlSpec, dims: Dims) -> Checked {
     at_most("control.n2", spec.n2, HORIZON)?;
-    at_most("control.delay_steps", spec.delay_steps, PARTS)?;
     at_most("control.sqp.max_iterations", spec.sqp.max_iterations, 1_000_000)?;
     at_most("control.sqp.starts", spec.sqp.starts, 10_000)?;
     for integrator in Integrator::ALL {
@@ -162,12 +161,11 @@ fn steps_of(
 ) -> Result<usize, (String, Problem)> {
     let Some(sample_time_s) = sample_time_s else { return Ok(1) };
     let steps = (duration_s / sample_time_s).round();
-    #[expect(clippy::cast_precision_loss, reason = "far fewer than 2^53")]
     if steps > STEPS as f64 {
         let expected = format!("{STEPS} steps of T = {sample_time_s} s at most");
         value(key, format!("{duration_s:?}"), &expected)?;
     }
-    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "checked above")]
+    #[expect(clippy::cast_possible_truncation, reason = "checked above")]
     Ok(steps as usize)
 }
 

@@ -61,7 +61,7 @@ fn bounds(spec: &ControlSpec, variables: &Variables) -> Checked {
             for (name, &number) in bounds {
                 let key = format!("{BOUNDS}[{i}].{side}.{name}");
                 let place = place(&key, name, known)?;
-                if !spec.bound(side, place).is_finite() {
+                if !spec.bound(at, place).is_some_and(f64::is_finite) {
                     let expected = format!("a bound of {name} in control.{side} to start from");
                     return value(&key, number, &expected);
                 }
@@ -72,9 +72,10 @@ fn bounds(spec: &ControlSpec, variables: &Variables) -> Checked {
         for (key, at, place, number) in given {
             // Upper bounds come after all lower ones.
             let is_low = at < names.len();
-            let (other, _) = sides[(at + names.len()) % sides.len()];
+            let across = (at + names.len()) % sides.len();
+            let (other, _) = sides[across];
             let bound = now.get(&(other, place)).copied();
-            let bound = bound.unwrap_or_else(|| spec.bound(other, place));
+            let bound = bound.or_else(|| spec.bound(across, place)).unwrap_or(f64::INFINITY);
             let crossed = if is_low { number > bound } else { number < bound };
             if crossed && bound.is_finite() {
                 let limit = if is_low { "at most" } else { "at least" };
@@ -184,7 +185,7 @@ fn schedule(key: &str, changes: &[ParameterStep], known: &[String], duration_s: 
 }
 
 /// Checks the times from which on something holds.
-fn increasing(key: &str, starts: impl Iterator<Item = f64>, duration_s: f64) -> Checked {
+pub(super) fn increasing(key: &str, starts: impl Iterator<Item = f64>, duration_s: f64) -> Checked {
     let mut before = None;
     for (i, start_s) in starts.enumerate() {
         let start = format!("{key}[{i}].start_s");

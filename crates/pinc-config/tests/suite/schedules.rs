@@ -2,8 +2,7 @@
 
 use crate::common::{parse, read};
 use pinc_config::{ControlSpec, Experiment};
-use pinc_mpc::Bounded;
-use pinc_mpc::NmpcProblem;
+use pinc_mpc::{Bounded, NmpcProblem};
 use std::fs;
 
 /// A loop of 8 steps of 0.5 s.
@@ -169,7 +168,7 @@ fn bounds(sets: &[&str]) -> Vec<(usize, f64, f64)> {
     let of = |step: &pinc_config::BoundStep| {
         let of = |side: &std::collections::BTreeMap<String, f64>, name| side.get(name).copied();
         let (low, high) = (of(&step.input_low, "u"), of(&step.state_high, "x"));
-        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "few steps")]
+        #[expect(clippy::cast_possible_truncation, reason = "few steps")]
         let k = (step.start_s / 0.5).round() as usize;
         (k, low.unwrap_or(f64::NAN), high.unwrap_or(f64::NAN))
     };

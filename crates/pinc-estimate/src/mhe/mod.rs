@@ -11,8 +11,7 @@ use crate::kalman::{Kalman, subtract};
 use crate::{Correction, EstimateError, Estimator, EstimatorStatus, Tuning};
 use pinc_mpc::{BarzilaiBorwein, Memory};
 use pinc_ode::{Dims, Linearization, LinearizationBuffer, Model, OutputLinearization, Stages};
-use pinc_qp::all_finite;
-use pinc_qp::{Multipliers, QpStatus};
+use pinc_qp::{Multipliers, QpStatus, all_finite};
 
 /// The residual of the optimality conditions at which the iteration ends.
 const TOLERANCE: f64 = 1e-8;

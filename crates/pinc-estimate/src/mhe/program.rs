@@ -73,18 +73,7 @@ impl Program {
         constants: &Constants,
     ) -> Result<Self, EstimateError> {
         let (n, stages) = (dims.nx, steps + 1);
-        let ocp = OcpDims {
-            nx: n,
-            nu: n,
-            horizon: stages,
-            n_controls: stages,
-            n1: 1,
-            inequalities: 0,
-            equalities: 0,
-            outputs: 0,
-            feedthrough: 0,
-            tree: pinc_qp::Tree::CHAIN,
-        };
+        let ocp = OcpDims::new(n, n, stages);
         let none = vec![0.0; stages * n * n];
         let mut qp = Qp::new(ocp, none.clone(), none).with_stage_cost();
         for t in qp.t.chunks_exact_mut(n * n) {

@@ -50,36 +50,23 @@ impl Equations {
         &self,
         then: impl FnOnce(&Self) -> Result<T, ExpressionError>,
     ) -> Result<T, ExpressionError> {
-        self.with_nets_written_out()?
-            .unrolled_arrays(then)
-            .map_err(|error| self.explain_nets(error))
+        self.unrolled_with([], |plain, []| then(plain))
     }
 
-    fn unrolled_arrays<T>(
+    /// [`Equations::unrolled`] with further expressions, at their keys.
+    pub(crate) fn unrolled_with<T, const N: usize>(
         &self,
-        then: impl FnOnce(&Self) -> Result<T, ExpressionError>,
-    ) -> Result<T, ExpressionError> {
-        if !self.has_arrays() {
-            return then(self);
-        }
-        let unrolled = Unrolled::new(self)?;
-        then(&unrolled.equations).map_err(|error| unrolled.explain(error))
-    }
-
-    /// [`Equations::unrolled`] with two further expressions, at their keys.
-    pub(crate) fn unrolled_with<T>(
-        &self,
-        texts: [(&'static str, &str); 2],
-        then: impl FnOnce(&Self, [&str; 2]) -> Result<T, ExpressionError>,
+        texts: [(&'static str, &str); N],
+        then: impl FnOnce(&Self, [&str; N]) -> Result<T, ExpressionError>,
     ) -> Result<T, ExpressionError> {
         let written_out = self.with_nets_written_out()?;
         written_out.unrolled_arrays_with(texts, then).map_err(|error| self.explain_nets(error))
     }
 
-    fn unrolled_arrays_with<T>(
+    fn unrolled_arrays_with<T, const N: usize>(
         &self,
-        texts: [(&'static str, &str); 2],
-        then: impl FnOnce(&Self, [&str; 2]) -> Result<T, ExpressionError>,
+        texts: [(&'static str, &str); N],
+        then: impl FnOnce(&Self, [&str; N]) -> Result<T, ExpressionError>,
     ) -> Result<T, ExpressionError> {
         if !self.has_arrays() && !texts.iter().any(|(_, text)| text.contains('[')) {
             return then(self, texts.map(|(_, text)| text));
@@ -92,7 +79,7 @@ impl Equations {
             plain.push(expanded.map_err(|problem| source.error(problem))?.text);
             unrolled.sources.insert(key.to_owned(), source);
         }
-        let plain = [plain[0].as_str(), plain[1].as_str()];
+        let plain = std::array::from_fn(|i| plain[i].as_str());
         then(&unrolled.equations, plain).map_err(|error| unrolled.explain(error))
     }
 

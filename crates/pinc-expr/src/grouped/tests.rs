@@ -6,8 +6,9 @@ mod on_dual_numbers;
 use super::Parts;
 use crate::Equations;
 use pinc_ad::simd::Isa;
-use pinc_ode::sparse_runge_kutta;
-use pinc_ode::{Dims, Integrator, LinearizationBuffer, Model, Stages, Tableau, Variable};
+use pinc_ode::{
+    Dims, Integrator, LinearizationBuffer, Model, Stages, Tableau, Variable, sparse_runge_kutta,
+};
 
 fn equations(states: &[(String, String)]) -> Equations {
     Equations {

@@ -198,7 +198,6 @@ impl Nmpc {
     fn spread(&mut self, start: usize) {
         let Bounds { low, high } = &self.problem.input_bounds;
         let m = self.dims.nu;
-        #[expect(clippy::cast_precision_loss, reason = "inputs and starts are few")]
         let (count, multiple) = (m as f64, start as f64);
         let g = (0..64).fold(2.0_f64, |g, _| (1.0 + g).powf(1.0 / (count + 1.0)));
         self.plan.multipliers.clear();

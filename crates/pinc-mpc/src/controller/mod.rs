@@ -201,9 +201,7 @@ impl Nmpc {
         check_finite("parameters", p, self.parameters.len())?;
         self.parameters.copy_from_slice(p);
         self.sqp.set_parameters(p);
-        if self.phase == Phase::Linearized {
-            self.phase = Phase::Shifted;
-        }
+        self.begin_anew();
         Ok(())
     }
 
@@ -445,7 +443,6 @@ impl Nmpc {
 
     /// Says the time at which the plan begins, and counts the step.
     fn set_time(&mut self) {
-        #[expect(clippy::cast_precision_loss, reason = "a delay is at most 10 000 steps")]
         let delay = self.problem.delay as f64;
         self.sqp.set_time((f64::from(self.steps) + delay) * self.horizon.times()[1]);
         self.steps = self.steps.saturating_add(1);

@@ -4,10 +4,7 @@
 mod tests;
 
 use crate::solution::Solution;
-use pinc_qp::{Limits, Multipliers, Qp, largest};
-
-/// Above this mean multiplier the residuals that are proportional to the cost are scaled down.
-const LARGE_MULTIPLIER: f64 = 100.0;
+use pinc_qp::{Limits, Multipliers, Qp, largest, residual_scale};
 
 /// The residuals of the conditions of Karush, Kuhn and Tucker, of the nonlinear problem itself (see
 /// [`Solution`] for its Lagrangian L): largest absolute values, in the problem's units where its
@@ -17,8 +14,8 @@ const LARGE_MULTIPLIER: f64 = 100.0;
 /// numbers.
 ///
 /// Scaling: stationarity and complementarity grow with the cost, whose unit is arbitrary. As in
-/// IPOPT (Waechter and Biegler, Math. Program. 106 (2006), Eq. 6) both are divided by
-/// s = max(1, mean |multiplier| / 100), which is 1 for weights of ordinary size.
+/// IPOPT both are divided by s = max(1, mean |multiplier| / 100) (see [`residual_scale`]), which is
+/// 1 for weights of ordinary size.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct KktResidual {
     /// `dL/dz`, divided by s; also by how much a multiplier is above the weight of its violation.
@@ -111,9 +108,7 @@ fn scale(multipliers: &Multipliers) -> f64 {
         }
         count += part.len();
     }
-    #[expect(clippy::cast_precision_loss, reason = "far below 2^53 multipliers")]
-    let mean = sums.iter().sum::<f64>() / count as f64;
-    (mean / LARGE_MULTIPLIER).max(1.0)
+    residual_scale(sums.iter().sum(), count)
 }
 
 /// The larger of the two; infinity if `value` is NaN.

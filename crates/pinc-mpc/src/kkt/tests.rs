@@ -3,19 +3,7 @@ use pinc_qp::OcpDims;
 
 /// One state and one input, and all numbers 0.
 fn program() -> Qp {
-    let dims = OcpDims {
-        nx: 1,
-        nu: 1,
-        horizon: 1,
-        n_controls: 1,
-        n1: 1,
-        inequalities: 0,
-        equalities: 0,
-        outputs: 0,
-        feedthrough: 0,
-        tree: pinc_qp::Tree::CHAIN,
-    };
-    Qp::new(dims, vec![0.0], vec![0.0])
+    Qp::new(OcpDims::new(1, 1, 1), vec![0.0], vec![0.0])
 }
 
 /// With a state that is outside a hard bound by 0.5, and the multiplier of the input's bounds.

@@ -31,18 +31,7 @@ impl Model for Square {
 /// inputs, or the same inputs and other states, is not.
 #[test]
 fn only_a_plan_with_the_same_states_and_inputs_is_known() {
-    let dims = OcpDims {
-        nx: 1,
-        nu: 1,
-        horizon: 4,
-        n_controls: 4,
-        n1: 1,
-        inequalities: 0,
-        equalities: 0,
-        outputs: 0,
-        feedthrough: 0,
-        tree: pinc_qp::Tree::CHAIN,
-    };
+    let dims = OcpDims::new(1, 1, 4);
     let (x, u) = ([0.1, 0.2, 0.3, 0.4], [1.0, 2.0, 3.0, 4.0]);
     let moved = [0.2, 0.3, 0.4, 0.7];
     for (x0, states, inputs, evaluated) in [
@@ -74,18 +63,7 @@ fn only_a_plan_with_the_same_states_and_inputs_is_known() {
 #[test]
 fn a_tree_in_its_place_is_known_beyond_its_root() {
     let tree = pinc_qp::Tree::new(2, 1).unwrap();
-    let dims = OcpDims {
-        nx: 1,
-        nu: 1,
-        horizon: 6,
-        n_controls: 5,
-        n1: 1,
-        inequalities: 0,
-        equalities: 0,
-        outputs: 0,
-        feedthrough: 0,
-        tree,
-    };
+    let dims = OcpDims { n_controls: 5, tree, ..OcpDims::new(1, 1, 6) };
     let problem = NmpcProblem::new(Dims::new(1, 1), 3, Weights::uniform(vec![1.0], vec![1.0]));
     let mut cache = LinearizationCache::new(dims, &problem);
     let model: Box<dyn Model> = Box::new(Square);

@@ -46,9 +46,7 @@ impl<'a> Memory<'a> {
 
     /// Goes through a count from 0 to `most`.
     #[expect(
-        clippy::cast_precision_loss,
         clippy::cast_possible_truncation,
-        clippy::cast_sign_loss,
         reason = "counts are far below 2^53, and those read are checked"
     )]
     pub fn count(&mut self, value: &mut usize, most: usize) {
@@ -68,7 +66,6 @@ impl<'a> Memory<'a> {
         self.numbers(&mut number);
         #[expect(
             clippy::cast_possible_truncation,
-            clippy::cast_sign_loss,
             reason = "the conversion saturates, and what it changes is refused"
         )]
         let found = number[0] as u32;

@@ -3,9 +3,7 @@
 #[cfg(test)]
 mod tests;
 
-use pinc_qp::Multipliers;
-use pinc_qp::OcpDims;
-use pinc_qp::{Kind, Limits, Qp, QpStep, RowBlock};
+use pinc_qp::{Kind, Limits, Multipliers, OcpDims, Qp, QpStep, RowBlock};
 
 /// The exact L1 merit function
 ///

@@ -4,18 +4,7 @@ use pinc_qp::{ChosenQp, OcpDims, QpMethod, QpSolver, QpStatus};
 /// A program that starts outside everything: off its dynamics, a bound, an increment, a hard
 /// row, and three soft ones, of which two cannot be met at their prices.
 fn program() -> Qp {
-    let dims = OcpDims {
-        nx: 1,
-        nu: 1,
-        horizon: 2,
-        n_controls: 2,
-        n1: 1,
-        inequalities: 2,
-        equalities: 0,
-        outputs: 0,
-        feedthrough: 0,
-        tree: pinc_qp::Tree::CHAIN,
-    };
+    let dims = OcpDims { inequalities: 2, ..OcpDims::new(1, 1, 2) };
     let mut qp = Qp::new(dims, vec![2.0, 3.0], vec![1.0, 0.5]);
     (qp.a, qp.b, qp.c) = (vec![0.9, 1.2], vec![0.5, 0.8], vec![0.3, -0.4]);
     qp.gradient = vec![0.5, -1.0, 0.7, 0.2];

@@ -61,7 +61,6 @@ impl Reference {
     ) -> Result<Self, MpcError> {
         let good = sample_time_s > 0.0 && sample_time_s.is_finite();
         check_setting("sample_time_s", sample_time_s, "positive and finite", good)?;
-        #[expect(clippy::cast_precision_loss, reason = "no run has 2^53 steps")]
         let rows = (0..steps).flat_map(|k| signal.at(k as f64 * sample_time_s));
         Self::new(rows.copied().collect(), signal.width())
     }
@@ -141,11 +140,7 @@ impl Reference {
 /// How many steps of `length_s` it takes to come to `time_s`, which is positive; a part that is
 /// rounding is none.
 pub(crate) fn steps_until(time_s: f64, length_s: f64) -> usize {
-    #[expect(
-        clippy::cast_possible_truncation,
-        clippy::cast_sign_loss,
-        reason = "stages are few, and times positive"
-    )]
+    #[expect(clippy::cast_possible_truncation, reason = "stages are few, and times positive")]
     let steps = (time_s / length_s * (1.0 - 1e-9)).ceil() as usize;
     steps.max(1)
 }

@@ -4,18 +4,7 @@ use super::*;
 
 /// One input and one inequality, from the node `n1` on, over a chain of `horizon` stages.
 fn dims(nx: usize, [horizon, n_controls]: [usize; 2], n1: usize) -> OcpDims {
-    OcpDims {
-        nx,
-        nu: 1,
-        horizon,
-        n_controls,
-        n1,
-        inequalities: 1,
-        equalities: 0,
-        outputs: 0,
-        feedthrough: 0,
-        tree: pinc_qp::Tree::CHAIN,
-    }
+    OcpDims { n_controls, n1, inequalities: 1, ..OcpDims::new(nx, 1, horizon) }
 }
 
 /// Steps of 1 s, 1 s and 4 s: the plan moves by 1 s.

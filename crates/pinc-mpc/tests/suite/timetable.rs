@@ -158,7 +158,7 @@ impl Model for Disturbed {
         1.0
     }
 
-    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "few steps")]
+    #[expect(clippy::cast_possible_truncation, reason = "few steps")]
     fn step(&mut self, x: &[f64], u: &[f64], given: &[f64], next: &mut [f64]) {
         let p = if self.counted { p(x[1].round() as usize) } else { given[0] };
         next[0] = x[0] + 0.5 * u[0] + 0.2 * p * x[0].sin() + 0.1 * p;
@@ -167,7 +167,7 @@ impl Model for Disturbed {
         }
     }
 
-    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "few steps")]
+    #[expect(clippy::cast_possible_truncation, reason = "few steps")]
     fn linearize(&mut self, at: Stages<'_>, mut out: Linearization<'_>) {
         for k in 0..at.count(self.dims()) {
             let (at, out) = (at.point(k, self.dims()), out.point(k, self.dims()));
@@ -203,7 +203,6 @@ fn parameters_may_differ_by_stage() {
     for step in 0..10 {
         nmpc.set_parameters_ahead(&table, step).unwrap();
         let u = nmpc.step(&[x], &[1.0; 4]).unwrap().u[0];
-        #[expect(clippy::cast_precision_loss, reason = "few steps")]
         let expected = counting.step(&[x, step as f64], &[1.0; 4]).unwrap().u[0];
         assert!((u - expected).abs() < 1e-8, "step {step}: {u} {expected}");
         Disturbed { counted: false }.step(&[x], &[u], &[p(step)], &mut next);

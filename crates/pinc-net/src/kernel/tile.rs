@@ -7,8 +7,7 @@ use crate::Normalizer;
 use crate::mlp::Mlp;
 use faer::prelude::ReborrowMut;
 use faer::{ColMut, MatMut};
-use pinc_ad::simd::tanh_all;
-use pinc_ad::simd::{Simd, Work};
+use pinc_ad::simd::{Simd, Work, tanh_all};
 use std::ops::Range;
 
 /// Points of a tile. Panels go through the net one by one, in the first-level cache; weight

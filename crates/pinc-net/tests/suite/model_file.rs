@@ -110,7 +110,7 @@ proptest! {
     #[test]
     fn a_truncated_file_is_an_error(fraction in 0.0..1.0_f64) {
         let bytes = net(&VanDerPol::default(), Ansatz::Direct, false).to_bytes();
-        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a length")]
+        #[expect(clippy::cast_possible_truncation, reason = "a length")]
         let length = (fraction * bytes.len() as f64) as usize;
         prop_assert!(PincNet::from_bytes(&bytes[..length]).is_err());
     }

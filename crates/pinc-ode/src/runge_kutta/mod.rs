@@ -99,7 +99,6 @@ impl<P: Plant, M: Method> RungeKutta<P, M> {
     }
 
     /// The step of the method, in s.
-    #[expect(clippy::cast_precision_loss, reason = "a number of substeps is far below 2^53")]
     fn h(&self) -> f64 {
         self.sample_time_s / self.substeps as f64
     }

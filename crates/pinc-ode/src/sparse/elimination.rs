@@ -1,9 +1,8 @@
 //! Systems of linear equations with the matrix `g I - J`, where J is sparse, in the lanes of
 //! vectors.
 
-use super::SparsityPattern;
 use super::lanes::WIDEST;
-use super::lu;
+use super::{SparsityPattern, lu};
 use pinc_ad::simd::Simd;
 use std::collections::BTreeSet;
 

@@ -58,7 +58,6 @@ impl<S: Stepper<V>, H: SparseFunction, V: Simd> SparseModel<S, H, V> {
 ///
 /// If `sample_time_s` is not positive and finite or `substeps` is 0, or if the functions are not of
 /// the size of the plant.
-#[expect(clippy::cast_precision_loss, reason = "a number of substeps is far below 2^53")]
 pub(super) fn checked_substep<F: SparseFunction, H: SparseFunction>(
     plant: &SparsePlant<F, H>,
     sample_time_s: f64,

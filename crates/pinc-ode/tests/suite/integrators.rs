@@ -88,7 +88,6 @@ fn gradients_are_the_weighted_jacobians() {
     }
 }
 
-#[expect(clippy::cast_precision_loss, reason = "few numbers")]
 fn assert_gradients(model: &mut dyn Model, count: usize, backwards: bool) {
     let dims = model.dims();
     let numbers = |width: usize, phase: f64| -> Vec<f64> {

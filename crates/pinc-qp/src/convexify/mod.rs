@@ -3,7 +3,7 @@
 #[cfg(test)]
 mod tests;
 
-use crate::algebra::{all_finite, block_mut};
+use crate::algebra::{all_finite, block_mut, symmetrize};
 use crate::{Limits, Multipliers, OcpDims, Qp};
 
 /// An eigenvalue this far below 0, in terms of the largest entry, is negative and not rounding.
@@ -318,13 +318,7 @@ fn merge(p: &[f64], model: &[f64], product: &mut [f64], merged: &mut [f64], n: u
             to.iter_mut().zip(product).for_each(|(to, p)| *to += f * p);
         }
     }
-    for i in 0..s {
-        for k in 0..i {
-            let mean = 0.5 * (merged[i * s + k] + merged[k * s + i]);
-            merged[i * s + k] = mean;
-            merged[k * s + i] = mean;
-        }
-    }
+    symmetrize(merged, s, s);
 }
 
 /// Makes G positive definite by changing `t` and M, unless it `ends` at a negative eigenvalue; whether

@@ -2,18 +2,7 @@ use super::*;
 
 /// Two states, two inputs of which the second is held for two stages, three stages.
 fn program(curvature: f64) -> Qp {
-    let dims = OcpDims {
-        nx: 2,
-        nu: 2,
-        horizon: 3,
-        n_controls: 2,
-        tree: crate::Tree::CHAIN,
-        n1: 1,
-        inequalities: 0,
-        equalities: 0,
-        outputs: 0,
-        feedthrough: 0,
-    };
+    let dims = OcpDims { n_controls: 2, ..OcpDims::new(2, 2, 3) };
     let mut qp = Qp::new(dims, vec![0.0; 12], [1.0, 0.2, 0.2, 0.5].repeat(2)).with_end_cost();
     let numbers = |count: usize, shift: f64| -> Vec<f64> {
         (0..count).map(|i| (1.7 * f64::from(u32::try_from(i).unwrap()) + shift).sin()).collect()

@@ -2,9 +2,8 @@
 
 use super::recursion::Riccati;
 use super::rows::Rows;
-use crate::OcpDims;
 use crate::algebra::{add_product, add_scaled, add_transposed, block, block_mut, dot, largest};
-use crate::{Qp, QpStep};
+use crate::{OcpDims, Qp, QpStep};
 use pinc_ad::simd::{Isa, Simd, Task};
 
 /// A residual above this, relative to 1 + the largest multiplier, is more than rounding.

@@ -1,7 +1,7 @@
 //! The Riccati recursion.
 
 use super::chains::{Chains, groups};
-use crate::algebra::{add_product, add_scaled, add_transposed, block, block_mut, dot};
+use crate::algebra::{add_product, add_scaled, add_transposed, block, block_mut, dot, symmetrize};
 use crate::factor::Cholesky;
 use crate::product::{Factor, To, multiply, padded};
 use crate::{OcpDims, Qp, RowBlock};
@@ -160,6 +160,8 @@ impl Riccati {
                 by_row.add_block(qp, self.dims.rows_at_end(j), p);
             }
             add_cross(qp.s_before(j), self.dims, p);
+            // Over the stages the gains contain what rounding does to the symmetric part; an
+            // antisymmetric part would grow as the plant does without control, A' P A.
             symmetrize(p, s, stride);
             self.hand_on(zero, qp, stage, (n, m));
         }
@@ -478,20 +480,6 @@ impl Task for Solve<'_> {
             riccati.backward(qp, g, c, (n, m));
             riccati.roll_out(qp, c, d, lambda, (n, m));
         });
-    }
-}
-
-/// Makes a matrix that is symmetric up to rounding symmetric. Over the stages the gains contain
-/// what rounding does to its symmetric part; an antisymmetric part would grow as the plant does
-/// without control, `A' P A`.
-#[inline(always)]
-fn symmetrize(matrix: &mut [f64], size: usize, stride: usize) {
-    for c in 1..size {
-        for r in 0..c {
-            let mean = 0.5 * (matrix[c * stride + r] + matrix[r * stride + c]);
-            matrix[c * stride + r] = mean;
-            matrix[r * stride + c] = mean;
-        }
     }
 }
 

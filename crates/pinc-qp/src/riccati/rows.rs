@@ -1,9 +1,7 @@
 //! The rows of a QP as one list.
 
-use crate::Multipliers;
-use crate::OcpDims;
 use crate::algebra::{add_scaled, block, block_mut, dot};
-use crate::{Kind, Qp, Row, RowBlock};
+use crate::{Kind, Multipliers, OcpDims, Qp, Row, RowBlock};
 
 /// The values C d of all rows that may have limits: the unknowns, the increments of the inputs, and
 /// the general rows, one after the other.

@@ -63,21 +63,7 @@ fn the_interior_point_gives_up_when_the_time_is_up() {
 
 /// x = u, over one stage, with the weights q and r.
 pub(super) fn scalar(q: f64, r: f64) -> Qp {
-    let [nx, nu, horizon, n_controls, n1] = [1; 5];
-    let [inequalities, equalities, outputs] = [0; 3];
-    let dims = OcpDims {
-        nx,
-        nu,
-        horizon,
-        n_controls,
-        n1,
-        inequalities,
-        equalities,
-        outputs,
-        feedthrough: 0,
-        tree: crate::Tree::CHAIN,
-    };
-    let mut qp = Qp::new(dims, vec![q], vec![r]);
+    let mut qp = Qp::new(OcpDims::new(1, 1, 1), vec![q], vec![r]);
     qp.b[0] = 1.0;
     qp
 }

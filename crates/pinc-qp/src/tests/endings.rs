@@ -8,20 +8,9 @@ use crate::{OcpDims, Qp, QpSolver, QpStatus, QpStep, QpWork};
 
 /// An oscillator driven hither and thither, with many inputs at their bounds; some may be violated.
 pub(crate) fn program() -> Qp {
-    let (horizon, n_controls) = (40, 40);
-    let dims = OcpDims {
-        nx: 2,
-        nu: 1,
-        horizon,
-        n_controls,
-        n1: 1,
-        inequalities: 0,
-        equalities: 0,
-        outputs: 0,
-        feedthrough: 0,
-        tree: crate::Tree::CHAIN,
-    };
-    let mut qp = Qp::new(dims, [1.0, 0.0, 0.0, 1.0].repeat(horizon), vec![0.1; n_controls]);
+    let horizon = 40;
+    let dims = OcpDims::new(2, 1, horizon);
+    let mut qp = Qp::new(dims, [1.0, 0.0, 0.0, 1.0].repeat(horizon), vec![0.1; horizon]);
     qp.a = [0.9, 0.3, -0.3, 0.9].repeat(horizon);
     qp.b = [0.1, 0.5].repeat(horizon);
     let wave = |i: usize| f64::from(u8::try_from(i * i % 17).unwrap()) - 8.0;

@@ -461,18 +461,7 @@ proptest! {
 /// Along these horizons a disturbance would grow without control by 1e26, and rounding with it.
 #[test]
 fn long_horizons_of_unstable_plants_are_solved_stage_by_stage() {
-    let dims = OcpDims {
-        nx: 2,
-        nu: 1,
-        horizon: 200,
-        n_controls: 200,
-        n1: 1,
-        inequalities: 0,
-        equalities: 0,
-        outputs: 0,
-        feedthrough: 0,
-        tree: crate::Tree::CHAIN,
-    };
+    let dims = OcpDims::new(2, 1, 200);
     let weight = [2.0, 0.0, 0.0, 2.0].repeat(dims.horizon);
     let mut qp = Qp::new(dims, weight, vec![2.0; dims.n_controls]);
     qp.a = [1.3, 0.4, -0.4, 1.3].repeat(dims.horizon);

@@ -8,17 +8,13 @@ use proptest::prelude::*;
 fn shapes() -> impl Strategy<Value = OcpDims> {
     (1..=3_usize, 1..=2_usize, 1..=6_usize, 0..=1_usize, 0..=1_usize, 0..=1_usize).prop_flat_map(
         |(states, inputs, stages, inequalities, equalities, feedthrough)| {
-            (1..=stages, 1..=stages).prop_map(move |(n_controls, first)| OcpDims {
-                nx: states,
-                nu: inputs,
-                horizon: stages,
+            (1..=stages, 1..=stages).prop_map(move |(n_controls, n1)| OcpDims {
                 n_controls,
-                n1: first,
+                n1,
                 inequalities,
                 equalities: equalities.min(inputs - 1),
-                outputs: 0,
                 feedthrough,
-                tree: Tree::CHAIN,
+                ..OcpDims::new(states, inputs, stages)
             })
         },
     )

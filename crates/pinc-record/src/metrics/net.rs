@@ -156,7 +156,6 @@ pub(crate) mod rows {
     .row(None);
 
     /// The metrics of the training.
-    #[expect(clippy::cast_precision_loss, reason = "no training has 2^53 evaluations")]
     pub const TRAINING: &[Metric] = &[
         SOURCE,
         name("stop_reason", "Training, stopped because", |of| of.stop_reason.clone())

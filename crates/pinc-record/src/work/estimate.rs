@@ -81,7 +81,7 @@ impl Estimate {
     #[must_use]
     pub fn seconds(&self) -> Option<f64> {
         let both = self.trainings.seconds()? + self.trials.seconds()?;
-        Some(both / real(self.workers as u64))
+        Some(both / self.workers as f64)
     }
 }
 
@@ -113,7 +113,7 @@ pub fn effort(training: &Experiment) -> f64 {
     let weights = model.parameters(training.dims());
     let points = config.collocation_points + config.initial_points;
     let iterations: u64 = config.phases.iter().map(|phase| phase.iterations).sum();
-    real(weights as u64) * real(points as u64) * real(iterations)
+    weights as f64 * points as f64 * iterations as f64
 }
 
 /// Trials that are to be run, and undecided trials of `later`, each with the share of its like that
@@ -128,15 +128,10 @@ pub fn expected<'t>(
     let share = |trial: &Trial| {
         let (search, place) = (search?, trial.search?);
         let survivors = search.halving.as_ref()?.survivors(search.candidates, place.rung);
-        Some(real(survivors as u64) / real(search.candidates as u64))
+        Some(survivors as f64 / search.candidates as f64)
     };
     let later = later.map(|trial| (trial, share(trial).unwrap_or(1.0)));
     now.map(|trial| (trial, 1.0)).chain(later).collect()
-}
-
-#[expect(clippy::cast_precision_loss, reason = "numbers of trials and visits below 2^53")]
-fn real(n: u64) -> f64 {
-    n as f64
 }
 
 #[cfg(test)]

@@ -17,20 +17,17 @@ pub(super) fn picture(run: &Run, loops: &[Loop<'_>]) -> Option<Picture> {
     let names = if columns.controlled.is_empty() { &columns.states } else { &columns.controlled };
     let panels = names.iter().map(|name| panel(run, first, others, name)).collect();
     let axis = time_axis(run, loops);
-    Some(Picture {
-        stem: "differences".to_owned(),
-        title: "Differences of the closed loops".to_owned(),
-        figure: Figure::stack("Differences of the closed loops", axis, panels),
-        caption: format!(
-            "Each loop less the loop of {}, at the times of both; between its rows the first loop is \
-             interpolated linearly.",
-            first.name
-        ),
-    })
+    let title = "Differences of the closed loops";
+    let caption = format!(
+        "Each loop less the loop of {}, at the times of both; between its rows the first loop is \
+         interpolated linearly.",
+        first.name
+    );
+    Some(Picture::new("differences", title, Figure::stack(title, axis, panels), caption))
 }
 
 fn panel(run: &Run, first: &Loop<'_>, others: &[Loop<'_>], name: &str) -> Panel {
-    let label = run.label_in_unit_of(&format!("Δ{name}"), &[name.to_owned()]);
+    let label = run.label_in_unit_of(&format!("Δ{name}"), &[name]);
     let title = format!("Difference of {name}");
     let mut panel = Panel::new(&title, Axis::new(&label, Kind::Linear), 150.0);
     let baseline = first.quantity(name);

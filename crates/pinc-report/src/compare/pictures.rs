@@ -99,20 +99,15 @@ fn picture(first: &Run, loops: &[Loop<'_>]) -> Option<Picture> {
     panels.extend(others.map(|name| quantity(first, loops, name, 130.0)));
     panels.extend(columns.inputs.iter().enumerate().map(|(i, name)| input(first, loops, i, name)));
     let axis = time_axis(first, loops);
-    Some(Picture {
-        stem: LOOPS[0].to_owned(),
-        title: "Closed loops".to_owned(),
-        figure: Figure::stack("Closed loops of several runs", axis, panels),
-        caption: "The plants, integrated accurately, under the controllers; dashed in dark grey \
-                  the references. The first run is the broad curve: where it is only a rim, the \
-                  others do the same."
-            .to_owned(),
-    })
+    let figure = Figure::stack("Closed loops of several runs", axis, panels);
+    let caption = "The plants, integrated accurately, under the controllers; dashed in dark grey \
+                   the references. The first run is the broad curve: where it is only a rim, the \
+                   others do the same.";
+    Some(Picture::new(LOOPS[0], "Closed loops", figure, caption))
 }
 
 fn quantity(first: &Run, loops: &[Loop<'_>], name: &str, height: f64) -> Panel {
-    let label = first.axis_label(&[name.to_owned()]);
-    let mut panel = Panel::new(name, Axis::new(&label, Kind::Linear), height);
+    let mut panel = first.panel(name, &[name], height);
     let mut references: Vec<Vec<Point>> = Vec::new();
     for reference in loops.iter().map(|of| of.reference(name)) {
         let known = references.iter().any(|known| same(known, &reference));
@@ -138,8 +133,7 @@ fn same(one: &[Point], other: &[Point]) -> bool {
 }
 
 fn input(first: &Run, loops: &[Loop<'_>], place: usize, name: &str) -> Panel {
-    let label = first.axis_label(&[name.to_owned()]);
-    let mut panel = Panel::new(name, Axis::new(&label, Kind::Linear), 130.0);
+    let mut panel = first.panel(name, &[name], 130.0);
     for (i, of) in loops.iter().enumerate() {
         let points = of.points(|row| row.input.get(place).copied());
         panel.add_named(&of.name, held_until_next(&points), style(i));
@@ -149,7 +143,6 @@ fn input(first: &Run, loops: &[Loop<'_>], place: usize, name: &str) -> Panel {
 
 fn training(runs: &[Compared]) -> Option<Picture> {
     let rows = |of: &Compared| of.run.training.clone().unwrap_or_default();
-    #[expect(clippy::cast_precision_loss, reason = "no training has 2^53 evaluations")]
     let curve = |of: &Compared, value: fn(&TrainingRow) -> Option<f64>| {
         let point =
             |row: &TrainingRow| (row.loss_evaluations as f64, value(row).unwrap_or(f64::NAN));
@@ -165,12 +158,9 @@ fn training(runs: &[Compared]) -> Option<Picture> {
     let end = extent(runs.iter().flat_map(|of| curve(of, |row| Some(row.loss))).map(|p| p.0)).1;
     let axis = Axis::ranged("loss evaluations", Kind::Linear, (0.0, end));
     let any = !validation.series.is_empty() || !loss.series.is_empty();
-    any.then(|| Picture {
-        stem: "training".to_owned(),
-        title: "Trainings".to_owned(),
-        figure: Figure::stack("Training curves of several runs", axis, vec![validation, loss]),
-        caption: "The validation errors and the losses, on logarithmic axes.".to_owned(),
-    })
+    let figure = Figure::stack("Training curves of several runs", axis, vec![validation, loss]);
+    let caption = "The validation errors and the losses, on logarithmic axes.";
+    any.then(|| Picture::new("training", "Trainings", figure, caption))
 }
 
 fn steps(runs: &[Compared]) -> Option<Picture> {
@@ -182,7 +172,6 @@ fn steps(runs: &[Compared]) -> Option<Picture> {
     for (i, (run, of)) in all.enumerate() {
         let dots = Style::new(state_color(i), Shape::Dots(2.2)).faint(0.7);
         let name = run.named(of, &run.run.steps);
-        #[expect(clippy::cast_precision_loss, reason = "no run has 2^53 steps")]
         let points = |value: fn(&pinc_record::StepRow) -> f64| -> Vec<Point> {
             of.table.rows.iter().map(|row| (row.step as f64, value(row))).collect()
         };
@@ -192,10 +181,7 @@ fn steps(runs: &[Compared]) -> Option<Picture> {
     }
     let any = !times.series.is_empty() || !residuals.series.is_empty();
     let x = Axis::ranged("control step k", Kind::Linear, (-0.5, last + 0.5));
-    any.then(|| Picture {
-        stem: "steps".to_owned(),
-        title: "Controllers per step".to_owned(),
-        figure: Figure::stack("The controllers step by step", x, vec![times, residuals]),
-        caption: "Time and remaining KKT residual of each control step.".to_owned(),
-    })
+    let figure = Figure::stack("The controllers step by step", x, vec![times, residuals]);
+    let caption = "Time and remaining KKT residual of each control step.";
+    any.then(|| Picture::new("steps", "Controllers per step", figure, caption))
 }

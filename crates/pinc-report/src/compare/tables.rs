@@ -30,7 +30,7 @@ fn configs(runs: &[Compared]) -> NumberTable {
     if rows.is_empty() {
         rows.push(vec!["nothing".to_owned()]);
     }
-    NumberTable { title: "What the runs differ in".to_owned(), heads: heads(runs), rows }
+    NumberTable::new("What the runs differ in", heads(runs), rows)
 }
 
 /// The models that were in the runs' loops, which `--only` chooses beside the config; `None` if they
@@ -96,9 +96,8 @@ fn of_nets(runs: &[Compared]) -> Option<NumberTable> {
         any.then(|| [vec![metric.title.to_owned()], cells].concat())
     };
     let stages = [TRAINING, VALIDATION, DOMAIN, FREE_RUN];
-    let rows: Vec<_> = stages.into_iter().flat_map(Metric::rows).filter_map(row).collect();
-    let title = "Training, validation, free run".to_owned();
-    (!rows.is_empty()).then(|| NumberTable { title, heads: heads(runs), rows })
+    let rows = stages.into_iter().flat_map(Metric::rows).filter_map(row);
+    NumberTable::of_any("Training, validation, free run", heads(runs), rows)
 }
 
 /// A number with so many digits that small differences are seen; durations as in reports.
@@ -109,9 +108,8 @@ fn four_digits(metric: &Metric, value: f64) -> String {
 /// The closed loops; `None` if no run has any.
 fn loops(runs: &[Compared]) -> Option<NumberTable> {
     let all = || runs.iter().flat_map(|run| run.loops().map(move |(name, of)| (name, run, of)));
-    let heads: Vec<String> =
-        std::iter::once(String::new()).chain(all().map(|(name, ..)| name)).collect();
+    let heads = std::iter::once(String::new()).chain(all().map(|(name, ..)| name));
     let loops: Vec<_> = all().map(|(_, run, of)| (&run.run, of)).collect();
     let rows = loops_side_by_side(&loops);
-    (!loops.is_empty()).then(|| NumberTable { title: "Closed loops".to_owned(), heads, rows })
+    (!loops.is_empty()).then(|| NumberTable::new("Closed loops", heads, rows))
 }

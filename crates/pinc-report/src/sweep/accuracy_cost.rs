@@ -103,18 +103,12 @@ fn steps(entries: &[Entry]) -> Picture {
         panel("With Jacobians, a horizon's steps at a time", true, &|e| e.both_ns),
     ];
     let x = Axis::new("time per step of T (ns)", Kind::Log);
-    Picture {
-        stem: "accuracy-cost".to_owned(),
-        title: "One step: accuracy against cost".to_owned(),
-        figure: Figure::grid("Error of one step over its time", x, vec![1.0, 1.0], panels),
-        caption: "Further left is cheaper, further down better. A mark is the root mean square \
-        over points \
-                  that fill the domain; its interval reaches from the median to the 99th \
-                  percentile. A method \
-                  that leaves all bounds somewhere has none. From \
-                  sweep.csv and timings.csv."
-            .to_owned(),
-    }
+    let figure = Figure::grid("Error of one step over its time", x, vec![1.0, 1.0], panels);
+    let caption = "Further left is cheaper, further down better. A mark is the root mean square \
+                   over points that fill the domain; its interval reaches from the median to the \
+                   99th percentile. A method that leaves all bounds somewhere has none. From \
+                   sweep.csv and timings.csv.";
+    Picture::new("accuracy-cost", "One step: accuracy against cost", figure, caption)
 }
 
 /// By how much an IAE differs from `truth` in %, as far as a logarithmic axis shows it.
@@ -135,22 +129,16 @@ fn loops(run: &Run, entries: &[Entry]) -> Picture {
     add(&mut violation, entries, &|e| (e.step_us, e.violation));
     violation.note = Some("No bound is violated.".to_owned());
     (iae.x, violation.x) = (Some(x()), Some(x()));
-    let panels = vec![iae, violation];
-    Picture {
-        stem: "loop-cost".to_owned(),
-        title: "Closed loop: quality against time".to_owned(),
-        figure: Figure::grid("Closed loop over the controller's time", x(), vec![1.0, 1.0], panels),
-        caption: format!(
-            "Median time of a control step, with all that the controller does in it. Left: by how \
-            much the \
-             IAE on the dense trace differs from {}, that with the numerical model whose steps are \
-             the most exact; less \
-             than {LEAST_SHOWN} % is shown as that. Right: loops that violate no bound have no \
-             place on a \
-             logarithmic axis. From sweep.csv and timings.csv.",
-            run.label_in_states_unit(&text::significant(truth, 6), ""),
-        ),
-    }
+    let name = "Closed loop over the controller's time";
+    let figure = Figure::grid(name, x(), vec![1.0, 1.0], vec![iae, violation]);
+    let caption = format!(
+        "Median time of a control step, with all that the controller does in it. Left: by how much \
+         the IAE on the dense trace differs from {}, that with the numerical model whose steps are \
+         the most exact; less than {LEAST_SHOWN} % is shown as that. Right: loops that violate no \
+         bound have no place on a logarithmic axis. From sweep.csv and timings.csv.",
+        run.label_in_states_unit(&text::significant(truth, 6), ""),
+    );
+    Picture::new("loop-cost", "Closed loop: quality against time", figure, caption)
 }
 
 /// The groups in the order in which they come.
@@ -222,7 +210,7 @@ fn steps_table(entries: &[Entry]) -> NumberTable {
     the numerical \
                  method that has the same rms in the least time, between its numbers of substeps \
                  in proportion";
-    table(title, &heads, rows.collect())
+    NumberTable::new(title, heads, rows)
 }
 
 fn loops_table(entries: &[Entry]) -> NumberTable {
@@ -252,12 +240,7 @@ fn loops_table(entries: &[Entry]) -> NumberTable {
                  whose steps are the most exact. \"Times faster\" compares a net whose IAE is at \
                  most 1 % above that with the \
                  cheapest numerical model of which this holds, too, and which keeps bounds as well";
-    table(title, &heads, rows.collect())
-}
-
-fn table(title: &str, heads: &[&str], rows: Vec<Vec<String>>) -> NumberTable {
-    let heads = heads.iter().map(|&head| head.to_owned()).collect();
-    NumberTable { title: title.to_owned(), heads, rows }
+    NumberTable::new(title, heads, rows)
 }
 
 fn number(value: f64) -> String {

@@ -5,9 +5,9 @@ use super::curves::side_by_side;
 use super::metric::Metric;
 use crate::picture::Picture;
 use crate::trials::Trials;
-use pinc_chart::text;
 use pinc_chart::{
     Area, Axis, BLACK, Figure, Fill, Kind, Look, Panel, Shape, Span, Style, places, state_color,
+    text,
 };
 
 /// A bar for each cell and model; `None` without cells.
@@ -56,6 +56,5 @@ pub(super) fn picture(trials: &Trials, metric: &Metric) -> Option<Picture> {
              trials"
         )
     });
-    let (stem, title) = (metric.stem.to_owned(), metric.title.to_owned());
-    Some(Picture { stem, title, figure, caption })
+    Some(Picture::new(metric.stem, metric.title, figure, caption))
 }

@@ -65,8 +65,7 @@ pub(super) fn picture(trials: &Trials, metric: &Metric) -> Option<Picture> {
         )
     });
     let figure = Figure::stack(metric.title, Axis::named("", &names), vec![panel]);
-    let (stem, title) = (metric.stem.to_owned(), metric.title.to_owned());
-    Some(Picture { stem, title, figure, caption })
+    Some(Picture::new(metric.stem, metric.title, figure, caption))
 }
 
 /// What tells a cell apart, without what is the same in all.

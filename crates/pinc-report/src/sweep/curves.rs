@@ -28,8 +28,7 @@ pub(super) fn picture(trials: &Trials, metric: &Metric) -> Option<Picture> {
             {sizes}"
         )
     });
-    let (stem, title) = (metric.stem.to_owned(), metric.title.to_owned());
-    Some(Picture { stem, title, figure, caption })
+    Some(Picture::new(metric.stem, metric.title, figure, caption))
 }
 
 struct Curves<'a> {

@@ -4,8 +4,9 @@ use super::metric::Metric;
 use super::sizes;
 use crate::picture::Picture;
 use crate::trials::{Cell, Trials};
-use pinc_chart::text;
-use pinc_chart::{Area, Axis, Figure, Fill, Key, Kind, Look, Panel, extent, places, state_color};
+use pinc_chart::{
+    Area, Axis, Figure, Fill, Key, Kind, Look, Panel, extent, places, state_color, text,
+};
 use pinc_record::TrialMetric;
 
 const BINS: usize = 20;
@@ -47,8 +48,7 @@ pub(super) fn picture(trials: &Trials, metric: &Metric) -> Option<Picture> {
         sizes(trials.cells()),
         medians_of_cells.join("; ")
     );
-    let (stem, title) = (metric.stem.to_owned(), metric.title.to_owned());
-    Some(Picture { stem, title, figure, caption })
+    Some(Picture::new(metric.stem, metric.title, figure, caption))
 }
 
 fn panel(trials: &Trials, metric: &Metric, cell: &Cell, bins: &Bins) -> Panel {

@@ -25,15 +25,12 @@ pub(super) fn pictures(trials: &Trials, metric: &Metric) -> Vec<Picture> {
                 model => format!(" with {model}"),
             };
             let stem = format!("{}{}", metric.stem, model.to_lowercase());
-            pictures.push(Picture {
-                stem: if i == 0 { stem } else { format!("{stem}-{}", i + 1) },
-                title: match rest.is_empty() {
-                    true => format!("{}{of_model}", metric.title),
-                    false => format!("{}{of_model}: {}", metric.title, rest.join(", ")),
-                },
-                figure: map.figure(),
-                caption: map.caption(),
-            });
+            let stem = if i == 0 { stem } else { format!("{stem}-{}", i + 1) };
+            let title = match rest.is_empty() {
+                true => format!("{}{of_model}", metric.title),
+                false => format!("{}{of_model}: {}", metric.title, rest.join(", ")),
+            };
+            pictures.push(Picture::new(stem, title, map.figure(), map.caption()));
         }
     }
     pictures

@@ -119,7 +119,7 @@ fn table_of_values(trials: &Trials, metric: &Metric) -> NumberTable {
         row.extend(metric.columns.iter().map(|(column, _)| value(cell, *column)));
         row
     });
-    NumberTable { title: metric.label.clone(), heads, rows: rows.collect() }
+    NumberTable::new(&metric.label, heads, rows)
 }
 
 /// How a metric varies in each cell, a table for each model.
@@ -147,7 +147,7 @@ fn tables_of_spreads(trials: &Trials, metric: &Metric) -> Vec<NumberTable> {
             "" => metric.label.clone(),
             model => format!("{} with {model}", metric.label),
         };
-        NumberTable { title, heads, rows: rows.collect() }
+        NumberTable::new(title, heads, rows)
     };
     metric.columns.iter().map(table).collect()
 }
@@ -177,10 +177,7 @@ fn spread_cells(spread: Option<&Spread>, digits: usize) -> [String; 3] {
 
 /// The trials that failed, with their errors.
 fn failures(trials: &Trials) -> Option<NumberTable> {
-    let rows = trials.failures();
-    let title = "Failed trials".to_owned();
-    let heads = ["trial", "what", "error"].map(str::to_owned).to_vec();
-    (!rows.is_empty()).then_some(NumberTable { title, heads, rows })
+    NumberTable::of_any("Failed trials", ["trial", "what", "error"], trials.failures())
 }
 
 /// What stands below a picture of the cells: their sizes, in terms of medians and spreads

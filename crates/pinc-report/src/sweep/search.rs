@@ -59,16 +59,14 @@ pub(super) fn picture(
     let columns = if panels.len() > 1 { vec![1.0, 1.0] } else { vec![1.0] };
     let x = Axis::new("", Kind::Linear);
     let title = format!("Search for a small {}", metric.name());
-    (!panels.is_empty()).then(|| Picture {
-        stem: "search".to_owned(),
-        figure: Figure::grid(&title, x, columns, panels),
-        title,
-        caption: format!(
-            "A mark is a candidate{}: the median of its trials. The best one of the largest budget \
-             is named. From sweep.csv.",
-            if search.halving.is_some() { " with a budget" } else { "" }
-        ),
-    })
+    let caption = format!(
+        "A mark is a candidate{}: the median of its trials. The best one of the largest budget is \
+         named. From sweep.csv.",
+        if search.halving.is_some() { " with a budget" } else { "" }
+    );
+    let any = !panels.is_empty();
+    let figure = Figure::grid(&title, x, columns, panels);
+    any.then(|| Picture::new("search", title, figure, caption))
 }
 
 /// The candidates over one value; none if it is no number.
@@ -141,5 +139,5 @@ pub(super) fn number_table(
         row
     };
     let title = format!("Best candidates by {}", metric.name());
-    NumberTable { title, heads, rows: entries.iter().take(NAMED).map(row).collect() }
+    NumberTable::new(title, heads, entries.iter().take(NAMED).map(row))
 }

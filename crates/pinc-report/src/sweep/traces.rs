@@ -33,7 +33,7 @@ pub(super) fn picture(run: &Run, trials: &Trials) -> Result<Option<Picture>, Rep
     let mut panels = Vec::new();
     for (row, state) in states.iter().enumerate() {
         for (column, pinn) in pinns.iter().enumerate() {
-            let label = run.axis_label(std::slice::from_ref(state));
+            let label = run.axis_label(&[state]);
             let mut panel = panel(row, state, pinn, net, &label);
             panel.y.silent = column > 0;
             panel.title = if row == 0 { pinn.name.clone() } else { String::new() };
@@ -45,19 +45,14 @@ pub(super) fn picture(run: &Run, trials: &Trials) -> Result<Option<Picture>, Rep
     let columns = vec![1.0; pinns.len()];
     let mut figure = Figure::grid("Free runs of PINNs and of a chained net", axis, columns, panels);
     figure.keys = keys(&states, net);
-    Ok(Some(Picture {
-        stem: "free-runs".to_owned(),
-        title: "Long-range simulation".to_owned(),
-        figure,
-        caption: format!(
-            "Each PINN, trained for its own T (vertical line) and one scenario, beyond its T too; \
-            in every \
-             column the same {}, chained, with a dot at the end of each step. The truth lies \
-             beneath. A \
-             PINN that leaves the range of the truth is cut off. From the trials' prediction.csv.",
-            net.name
-        ),
-    }))
+    let caption = format!(
+        "Each PINN, trained for its own T (vertical line) and one scenario, beyond its T too; in \
+         every column the same {}, chained, with a dot at the end of each step. The truth lies \
+         beneath. A PINN that leaves the range of the truth is cut off. From the trials' \
+         prediction.csv.",
+        net.name
+    );
+    Ok(Some(Picture::new("free-runs", "Long-range simulation", figure, caption)))
 }
 
 fn panel(row: usize, state: &str, pinn: &Trace, net: &Trace, label: &str) -> Panel {

@@ -2,8 +2,7 @@
 
 use super::ends;
 use super::points::Judged;
-use crate::RunError;
-use crate::read_matching_model;
+use crate::{RunError, read_matching_model};
 use pinc_check::step_error;
 use pinc_config::{Experiment, ModelKind};
 use pinc_net::{Domain, PincModel, PincNet};

@@ -67,9 +67,7 @@ impl Totals {
     /// SQP iterations per step.
     pub(super) fn sqp_iterations_mean(&self) -> f64 {
         let steps: usize = self.status.values().sum();
-        #[expect(clippy::cast_precision_loss, reason = "no run has 2^53 iterations")]
-        let mean = self.sqp_iterations as f64 / steps as f64;
-        mean
+        self.sqp_iterations as f64 / steps as f64
     }
 }
 
@@ -104,7 +102,6 @@ impl Plans {
         let both = |values: Vec<f64>| [[values.clone(), values]];
         let rows = both(first).into_iter().chain(stages).chain(both(unknown));
         for (j, values) in rows.enumerate() {
-            #[expect(clippy::cast_precision_loss, reason = "no run has 2^53 steps")]
             let t = (step + self.delay + j) as f64 * self.step_s;
             self.table.rows.push(PairRow { t, values });
         }

@@ -1,9 +1,8 @@
 //! The training stage: from a config to `model.safetensors` and `training.csv`.
 
-use super::Options;
-use super::domain_error;
 use super::proof::{self, Attempt, Certificate};
 use super::training_setup::{TrainerInputs, TrainingSetup};
+use super::{Options, domain_error};
 use crate::RunError;
 use crate::progress::{Stage, Verbosity};
 use pinc_config::{Effort, Experiment};
@@ -370,7 +369,6 @@ impl Session {
 /// The time from a checkpoint to the next one, in s: the time that is asked for, and no less than
 /// makes writing one a small share of the training, and of what the disk is given.
 fn pause(every_s: f64, took: Duration, bytes: usize) -> f64 {
-    #[expect(clippy::cast_precision_loss, reason = "a checkpoint is smaller than 2^53 bytes")]
     let by_size = bytes as f64 / BYTES_PER_S;
     every_s.max(took.as_secs_f64() / TIME_SHARE).max(by_size)
 }

@@ -1,8 +1,7 @@
 //! `pinc choose`: which model should be in a loop.
 
 use crate::common::{Outcome, outcome, pinc, repository};
-use pinc_config::Plants;
-use pinc_config::{Experiment, ModelKind};
+use pinc_config::{Experiment, ModelKind, Plants};
 use pinc_record::Metrics;
 use std::collections::BTreeMap;
 use std::fs;

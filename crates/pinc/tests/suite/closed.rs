@@ -1,8 +1,7 @@
 //! A closed loop that `pinc control` has run, for other programs to take its steps.
 
 use crate::common::{outcome, pinc};
-use pinc_config::Plants;
-use pinc_config::{ControlSpec, Experiment, ModelKind};
+use pinc_config::{ControlSpec, Experiment, ModelKind, Plants};
 use pinc_record::{ControlReader, ControlRow, EstimateTable, StepRow, file, read_fixed_table};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};

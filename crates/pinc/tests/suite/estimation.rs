@@ -238,7 +238,6 @@ fn rejected_measurements_are_counted() {
     assert_eq!(estimator.rejected.into_iter().collect::<Vec<_>>(), [("h2".to_owned(), total)]);
     assert_eq!((estimator.nis_steps, estimator.nis_undefined), (30, 0));
     assert_eq!(estimator.nees_steps, 30);
-    #[expect(clippy::cast_precision_loss, reason = "60 at most")]
     let used = (60 - total) as f64 / 30.0;
     assert!((estimator.nis_expected - used).abs() < 1e-12, "{}", estimator.nis_expected);
     let mean = rows.iter().map(|row| row[nis]).sum::<f64>() / 30.0;

@@ -1,8 +1,7 @@
 //! Lists of experiments, the page made of them, and plants in the loop that the models do not know.
 
 use crate::common::{outcome, pinc, repository};
-use pinc_config::RunList;
-use pinc_config::{Experiment, Plants};
+use pinc_config::{Experiment, Plants, RunList};
 use pinc_runs::{Options, Verbosity};
 use std::fs;
 use std::path::Path;

@@ -84,7 +84,6 @@ fn measured_parameters(closed: &Closed) -> Vec<Vec<f64>> {
         changed.filter_map(|step| step.values.get(name)).next_back().or(closed.parameters.get(name))
     };
     let at = |k: usize| {
-        #[expect(clippy::cast_precision_loss, reason = "a few steps")]
         let t = k as f64 * closed.sample_time_s;
         spec.measured_parameters.iter().map(|name| *value(name, t).unwrap()).collect()
     };
@@ -127,7 +126,6 @@ fn rows_of_configs() -> Vec<[String; 4]> {
         let Some(kind) = control.models.iter().copied().find(|k| k.integrator().is_some()) else {
             continue;
         };
-        #[expect(clippy::cast_precision_loss, reason = "a few steps")]
         let duration_s = experiment.sample_time_s().unwrap() * STEPS as f64;
         let duration = format!("control.duration_s={duration_s:?}");
         // What would begin later is refused.

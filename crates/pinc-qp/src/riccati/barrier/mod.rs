@@ -8,6 +8,7 @@ use super::rows::Rows;
 use super::side::{Side, add_up, gather};
 use crate::algebra::largest;
 use crate::convexify::{add_to_diagonals, largest_entry};
+use crate::multipliers::residual_scale;
 use crate::{Multipliers, Qp, QpWork};
 use std::mem::take;
 
@@ -41,9 +42,6 @@ const EASING: f64 = 3.0;
 
 /// The part of the violation's weight that must be gained along a step.
 const GAINED: f64 = 0.1;
-
-/// Above this mean multiplier residuals that are proportional to the cost are scaled down.
-const LARGE_MULTIPLIER: f64 = 100.0;
 
 /// A primal-dual barrier method for a nonlinear program that is given by its linearizations, with the
 /// Hessian of its Lagrangian. With slacks t of all limits, and e of soft ones,
@@ -135,9 +133,7 @@ impl Barrier {
         let Newton { lambda, slope, defect, .. } = &self.newton;
         let sum = self.sides.iter().map(|side| side.mu).sum::<f64>()
             + lambda.iter().map(|lambda| lambda.abs()).sum::<f64>();
-        #[expect(clippy::cast_precision_loss, reason = "far below 2^53 multipliers")]
-        let mean = sum / (self.sides.len() + lambda.len()).max(1) as f64;
-        let scale = (mean / LARGE_MULTIPLIER).max(1.0);
+        let scale = residual_scale(sum, self.sides.len() + lambda.len());
         let unmet = self.equalities.iter().map(|(_, bound)| bound.abs());
         let off = self.sides.iter().map(|side| side.off.abs()).chain(unmet);
         let products = self.sides.iter().map(|side| {

@@ -8,7 +8,6 @@
 pub(super) fn upper_bound(mut values: Vec<f64>, quantile: f64, confidence: f64) -> Option<f64> {
     values.sort_by(f64::total_cmp);
     let n = values.len();
-    #[expect(clippy::cast_precision_loss, reason = "far fewer than 2^53")]
     let number = |count: usize| count as f64;
     // The probability that exactly k values are below, in logarithms, and that at most so many are.
     let mut log_probability = number(n) * (1.0 - quantile).ln();
