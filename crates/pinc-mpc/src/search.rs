@@ -2,7 +2,7 @@
 
 use crate::horizon::Horizon;
 use crate::sqp::{Outcome, Sqp, StepInput};
-use crate::{Program, Solution, SqpStatus};
+use crate::{Bounds, Program, Solution, SqpStatus};
 use std::fmt::{self, Debug};
 
 /// Looks for the plan of a step among programs with other bounds on the inputs.
@@ -71,6 +71,13 @@ impl Programs<'_> {
         let first = self.sqp.dims().all_states();
         let bounds = &mut self.sqp.transcription.bounds;
         [&mut bounds.low[first..], &mut bounds.high[first..]]
+    }
+
+    /// From where to where the first input at the place `i` of the m may be by its increment.
+    #[must_use]
+    pub fn reach(&self, i: usize) -> [f64; 2] {
+        let Bounds { low, high } = &self.sqp.transcription.increments;
+        [low, high].map(|side| self.input.targets.previous[i] + side[i])
     }
 
     /// Solves the program with these bounds, from the plan of the last one.
