@@ -66,7 +66,9 @@ impl Phase {
     pub(crate) fn remember(&mut self, memory: &mut Memory<'_>) {
         let mut is_shifted = self.without_linearization() == Self::Shifted;
         memory.flag(&mut is_shifted);
-        *self = if is_shifted { Self::Shifted } else { Self::Solved };
+        if memory.is_restoring() {
+            *self = if is_shifted { Self::Shifted } else { Self::Solved };
+        }
     }
 }
 

@@ -33,6 +33,8 @@ impl Nmpc {
         self.phase.remember(memory);
         self.plan_state.remember(memory);
         self.sqp.remember(memory);
-        self.sqp.set_parameters(&self.parameters);
+        if memory.is_restoring() {
+            self.sqp.set_parameters(&self.parameters);
+        }
     }
 }

@@ -28,6 +28,12 @@ impl<'a> Memory<'a> {
         Self(Direction::Restore(numbers, false))
     }
 
+    /// Whether it restores, so that what is not part of it is to be made anew.
+    #[must_use]
+    pub fn is_restoring(&self) -> bool {
+        matches!(self.0, Direction::Restore(..))
+    }
+
     /// Goes through numbers. NaN is a number here: one that is missing.
     pub fn numbers(&mut self, values: &mut [f64]) {
         match &mut self.0 {

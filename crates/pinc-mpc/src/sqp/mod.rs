@@ -218,11 +218,13 @@ impl Sqp {
         }
     }
 
-    /// Saves or restores what a control step takes over from the last ones, and forgets all else.
+    /// Saves what a control step takes over from the last ones, or restores it and forgets all else.
     pub(crate) fn remember(&mut self, memory: &mut Memory<'_>) {
         let mut interior = self.interior.take();
         interior.iter_mut().for_each(|interior| interior.remember(memory));
-        self.forget();
+        if memory.is_restoring() {
+            self.forget();
+        }
         self.interior = interior;
     }
 
