@@ -482,6 +482,12 @@ fn matching_model(
     bytes: Vec<u8>,
 ) -> Result<(Vec<u8>, PincNet), RunError> {
     let net = chainable(path, parse_model(path, &bytes)?)?;
+    check_match(experiment, path, &net)?;
+    Ok((bytes, net))
+}
+
+/// Whether `net`, of the file `path`, is one of the experiment's plant and step length.
+fn check_match(experiment: &Experiment, path: &Path, net: &PincNet) -> Result<(), RunError> {
     let variables = experiment.plant.variables();
     let names = |names: &[String]| names.join(", ");
     let parameters: Vec<_> = net.parameter_names().map(str::to_owned).collect();
@@ -521,5 +527,5 @@ fn matching_model(
             return Err(RunError::usage(path.display(), problem));
         }
     }
-    Ok((bytes, net))
+    Ok(())
 }
