@@ -87,6 +87,7 @@ use pinc_net::PincNet;
 use pinc_ode::Simulator;
 use pinc_record::{
     Metrics, Provenance, RecordError, RunDir, file, read_file, remove_unfinished, write_atomically,
+    write_output,
 };
 use pinc_report as report;
 use std::fs;
@@ -194,7 +195,7 @@ pub fn rebuild_report(dir: &Path) -> Result<PathBuf, RunError> {
 /// written.
 pub fn compare(dirs: &[PathBuf], page: &Path) -> Result<(), RunError> {
     let comparison = report::compare(dirs)?;
-    Ok(write_atomically(page, comparison.html.as_bytes())?)
+    Ok(write_output(page, comparison.html.as_bytes())?)
 }
 
 /// Writes the report's pictures, and removes pictures of an earlier report that it no longer has.
