@@ -492,6 +492,11 @@ fn check_match(experiment: &Experiment, path: &Path, net: &PincNet) -> Result<()
     let variables = experiment.plant.variables();
     let names = |names: &[String]| names.join(", ");
     let parameters: Vec<_> = net.parameter_names().map(str::to_owned).collect();
+    if experiment.data.as_ref().is_some_and(|data| !data.parameters.is_empty()) {
+        let problem = "[plant] has the parameters that its training began with: give those found \
+                       (`training.parameters` in metrics.json) there, and remove data.parameters";
+        return Err(RunError::usage(path.display(), problem));
+    }
     let mut compared = vec![
         ("states", names(net.state_names()), names(&variables.state_names())),
         ("inputs", names(net.input_names()), names(&variables.input_names())),
