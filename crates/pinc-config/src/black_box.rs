@@ -1,7 +1,7 @@
 //! Plants without equations: `[plant.process]` and `[plant.fmu]`.
 
 use crate::PlantSpec;
-use pinc_external::{Fmu, FmuKind, FmuPlant, Process};
+use pinc_external::{Fmu, FmuError, FmuKind, FmuPlant, Process};
 use pinc_ode::{BlackBox, Dims, Flow, Variable};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -162,9 +162,8 @@ impl ProcessSpec {
 }
 
 impl FmuSpec {
-    /// Opens the file; in words, what is wrong with it. Its binary is loaded when the plant is
-    /// first asked.
-    pub(crate) fn open(&self) -> Result<Fmu, String> {
+    /// Opens the file, or says what is wrong. Its binary is loaded when the plant is first asked.
+    pub(crate) fn open(&self) -> Result<Fmu, FmuError> {
         let name = |v: &Variable| self.variables.get(&*v.name).cloned();
         let named = |v: &Variable| name(v).unwrap_or_else(|| v.name.to_string());
         let start = |v: &Variable| self.start_variables.get(&*v.name).cloned();

@@ -28,7 +28,7 @@ impl Description<'_> {
         format!(
             "<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n<fmiModelDescription fmiVersion=\"2.0\" \
              modelName=\"{name}\"{} guid=\"{}\"\n    generationTool=\"pinc {}\" \
-             variableNamingConvention=\"structured\">\n{exchange}  <CoSimulation \
+             variableNamingConvention=\"flat\">\n{exchange}  <CoSimulation \
              modelIdentifier=\"{name}\" canHandleVariableCommunicationStepSize=\"{}\"\n      \
              {kept}</CoSimulation>\n{}{}  <DefaultExperiment startTime=\"0\" stepSize=\"{}\"/>\n  \
              <ModelVariables>\n{}  </ModelVariables>\n{}</fmiModelDescription>\n",

@@ -33,7 +33,7 @@ impl Description<'_> {
         format!(
             "<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n<fmiModelDescription fmiVersion=\"3.0\" \
              modelName=\"{name}\"{}\n    instantiationToken=\"{}\"\n    generationTool=\"pinc {}\" \
-             variableNamingConvention=\"structured\">\n{exchange}  <CoSimulation \
+             variableNamingConvention=\"flat\">\n{exchange}  <CoSimulation \
              modelIdentifier=\"{name}\" canHandleVariableCommunicationStepSize=\"{}\"\n      \
              {kept}{}{}  <DefaultExperiment startTime=\"0\" \
              stepSize=\"{}\"/>\n  <ModelVariables>\n    <Float64 name=\"time\" \

@@ -8,5 +8,5 @@ mod fmu;
 mod pool;
 mod process;
 
-pub use fmu::{Fmu, FmuKind, FmuPlant};
+pub use fmu::{Fmu, FmuError, FmuKind, FmuPlant};
 pub use process::Process;

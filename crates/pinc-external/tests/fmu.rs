@@ -35,6 +35,8 @@ const THREE: &str = r#"<fmiModelDescription fmiVersion="3.0" instantiationToken=
 <ModelStructure><ContinuousStateDerivative valueReference="3"/></ModelStructure>
 </fmiModelDescription>"#;
 
+const CALCULATED: &str = "\"x1\" valueReference=\"1\" initial=\"calculated\"";
+
 /// The oscillator with both of its inputs.
 #[derive(Clone, Debug)]
 struct Oscillator;
@@ -319,7 +321,35 @@ fn an_interface_that_there_is_not_is_refused() {
     let path = archived(dir.path(), &[("modelDescription.xml", LAG.as_bytes())]);
     let asked = FmuPlant { kind: Some(FmuKind::ModelExchange), ..lag(Duration::from_secs(1)) };
     let error = Fmu::open(&path, &asked).unwrap_err();
-    assert!(error.contains("it has not the interface"), "{error}");
+    assert!(error.problem.contains("it has not the interface"), "{error}");
+}
+
+/// One variable cannot be two quantities, nor be set twice, nor at all where the FMU calculates it; the
+/// error names the part of the plant.
+#[test]
+fn variables_that_are_named_for_the_wrong_part_are_refused() {
+    let dir = tempfile::tempdir().unwrap();
+    let path = archived(dir.path(), &[("modelDescription.xml", TWO.as_bytes())]);
+    let calculated = TWO.replace("\"x1\" valueReference=\"1\" initial=\"exact\"", CALCULATED);
+    let other = tempfile::tempdir().unwrap();
+    let calculated = archived(other.path(), &[("modelDescription.xml", calculated.as_bytes())]);
+    let osc = || plant(["x1", "x2"], "u");
+    let with = |name: &str| FmuPlant { parameters: vec![(name.to_owned(), 1.0)], ..osc() };
+    let starts = vec!["x2".to_owned(); 2];
+    for (path, plant, key, problem) in [
+        (&path, plant(["x1", "x1"], "u"), "variables", "`x1` is two"),
+        (&path, plant(["x1", "x2"], "x2"), "variables", "`x2` is two"),
+        (&path, plant(["x1", "x3"], "u"), "variables", "named `x3`"),
+        (&path, FmuPlant { starts, ..osc() }, "start_variables", "`x2` is set already"),
+        (&path, with("u"), "parameters.u", "`u` is set already"),
+        (&path, with("x1"), "parameters.x1", "`x1` is set already"),
+        (&path, with("mu"), "parameters.mu", "named `mu`"),
+        (&calculated, osc(), "start_variables", "`x1` is calculated"),
+    ] {
+        let error = Fmu::open(path, &plant).unwrap_err();
+        assert!(error.key == key && error.problem.contains(problem), "{key}: {error:?}");
+    }
+    assert!(Fmu::open(&path, &with("k")).is_ok());
 }
 
 #[test]
@@ -347,7 +377,7 @@ fn an_fmu_that_names_files_elsewhere_or_unpacks_to_too_much_is_refused() {
         let description = LAG.replace("\"osc\"", &format!("\"{name}\""));
         let error = refused(&[("modelDescription.xml", description.as_bytes())]);
         let expected = format!("modelIdentifier {name:?} given, expected a C identifier");
-        assert!(error.contains(&expected), "{error}");
+        assert!(error.problem.contains(&expected), "{error}");
     }
     // Entries that say to be of 1.1 GiB each.
     let claimed = |count: usize| {
@@ -365,7 +395,7 @@ fn an_fmu_that_names_files_elsewhere_or_unpacks_to_too_much_is_refused() {
     };
     assert!(claimed(1).is_ok());
     let error = claimed(2).unwrap_err();
-    assert!(error.contains("it unpacks to more than 2048 MiB"), "{error}");
+    assert!(error.problem.contains("it unpacks to more than 2048 MiB"), "{error}");
 }
 
 #[test]

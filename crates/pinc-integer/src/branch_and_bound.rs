@@ -29,9 +29,9 @@ pub struct BranchAndBound {
     lengths: Vec<f64>,
     /// The most programs per step.
     programs: usize,
-    /// The bounds of the inputs as they were given.
+    /// The bounds of the first inputs as they were given.
     given: [Vec<f64>; 2],
-    /// The same with whole numbers at the first stage, so far as increments from the input before allow.
+    /// The bounds of the inputs, of the first ones within reach of those before.
     low: Vec<f64>,
     high: Vec<f64>,
     /// Where the search turns back, the last branch last.
@@ -72,7 +72,7 @@ impl BranchAndBound {
             inputs,
             lengths: lengths.to_vec(),
             programs,
-            given: [numbers(), numbers()],
+            given: [vec![0.0; inputs], vec![0.0; inputs]],
             low: numbers(),
             high: numbers(),
             // Each branch at a place halves its range at least.
@@ -129,6 +129,24 @@ impl BranchAndBound {
         programs.solve()
     }
 
+    /// Bounds the first whole inputs by the whole numbers that their increments admit: a program in
+    /// which they were farther away would let them go there. Whether the relaxed plan, which is solved
+    /// again if it was beyond, is within them.
+    fn narrow(&mut self, programs: &mut Programs<'_>) -> SqpStatus {
+        for (given, side) in self.given.iter_mut().zip(programs.bounds_mut()) {
+            given.copy_from_slice(&side[..self.inputs]);
+        }
+        let mut is_within = true;
+        for &place in &self.whole {
+            let bounds =
+                within_reach(self.given.each_ref().map(|of| of[place]), programs.reach(place));
+            set(programs, place, bounds);
+            let u = programs.plan().inputs()[place];
+            is_within &= u > bounds[0] - WHOLE && u < bounds[1] + WHOLE;
+        }
+        if is_within { SqpStatus::Converged } else { programs.solve() }
+    }
+
     /// The search from the relaxed plan in `at` on: how it ended.
     fn explore(&mut self, programs: &mut Programs<'_>) -> SqpStatus {
         let mut solved = 0;
@@ -168,16 +186,30 @@ impl BranchAndBound {
 
 impl PlanSearch for BranchAndBound {
     fn search(&mut self, programs: &mut Programs<'_>) -> SqpStatus {
+        let narrowed = self.narrow(programs);
+        let found = if is_solved(narrowed) { self.search_within(programs) } else { narrowed };
+        for (given, side) in self.given.iter().zip(programs.bounds_mut()) {
+            side[..self.inputs].copy_from_slice(given);
+        }
+        found
+    }
+
+    fn admit(&self, input: usize, u: f64, reach: [f64; 2]) -> f64 {
+        if !self.whole.contains(&input) {
+            return u;
+        }
+        let [least, most] = within_reach([f64::NEG_INFINITY, f64::INFINITY], reach);
+        u.round().max(least).min(most)
+    }
+}
+
+impl BranchAndBound {
+    /// The search within the bounds that the programs have.
+    fn search_within(&mut self, programs: &mut Programs<'_>) -> SqpStatus {
         self.at.copy_from_slice(programs.plan().inputs());
-        let bounds = programs.bounds_mut();
-        self.given.iter_mut().zip(&bounds).for_each(|(to, from)| to.copy_from_slice(from));
-        let [low, high] = bounds;
+        let [low, high] = programs.bounds_mut();
         self.low.copy_from_slice(low);
         self.high.copy_from_slice(high);
-        for &place in &self.whole {
-            let reach = whole_within(programs.reach(place), self.at[place]);
-            [self.low[place], self.high[place]] = reach;
-        }
         self.best.copy_from_slice(&self.at);
         sum_up(&mut self.best, &self.whole, &self.lengths);
         let rounded = self.hold_best(programs);
@@ -191,29 +223,18 @@ impl PlanSearch for BranchAndBound {
             Some(_) => self.explore(programs),
         };
         let held = self.hold_best(programs);
-        programs
-            .bounds_mut()
-            .into_iter()
-            .zip(&self.given)
-            .for_each(|(to, of)| to.copy_from_slice(of));
+        let [low, high] = programs.bounds_mut();
+        low.copy_from_slice(&self.low);
+        high.copy_from_slice(&self.high);
         if is_solved(held) { found } else { held }
     }
-
-    fn admit(&self, input: usize, u: f64, reach: [f64; 2]) -> f64 {
-        if self.whole.contains(&input) { nearest(u, whole_within(reach, u)) } else { u }
-    }
 }
 
-/// The whole number within these limits that is nearest.
-fn nearest(u: f64, [least, most]: [f64; 2]) -> f64 {
-    u.round().max(least).min(most)
-}
-
-/// The least and the largest whole number from `least` to `most`, rounding apart; where there is none,
-/// the one next to `u`.
-fn whole_within([least, most]: [f64; 2], u: f64) -> [f64; 2] {
-    let [low, high] = [(least - WHOLE).ceil(), (most + WHOLE).floor()];
-    if low <= high { [low, high] } else { [u.round(); 2] }
+/// The whole numbers in both intervals, or the one within `bounds` that is nearest to the other.
+fn within_reach([low, high]: [f64; 2], [least, most]: [f64; 2]) -> [f64; 2] {
+    let both = [low.max((least - WHOLE).ceil()), high.min((most + WHOLE).floor())];
+    let nearest = (0.5 * (least + most)).round().clamp(low, high);
+    if both[0] <= both[1] { both } else { [nearest; 2] }
 }
 
 /// Sets both bounds of an input.

@@ -153,6 +153,39 @@ fn an_input_is_whole_however_the_step_ended() {
     assert!(late > 20, "{late}");
 }
 
+/// A rate limit that is no whole number admits the whole numbers within it: none but the input before,
+/// or one step of 1. Where none is within reach of a fractional input before, it is the nearest.
+#[test]
+fn increments_of_whole_inputs_keep_their_bounds() {
+    for (rate, expected) in [(0.8, 0.0), (1.7, 1.0), (2.0, 2.0)] {
+        let rest = Rk4::new(FourTanks::antonelo(), 10.0, 2);
+        let problem = NmpcProblem {
+            input_bounds: Bounds::new(vec![0.0; 2], vec![5.0; 2]),
+            increment_bounds: Bounds::new(vec![-rate; 2], vec![rate; 2]),
+            ..NmpcProblem::new(
+                rest.dims(),
+                STAGES,
+                Weights::uniform(vec![1.0, 1.0, 0.0, 0.0], vec![0.01; 2]),
+            )
+        };
+        let search = BranchAndBound::new(&problem, &[0], 500, &[10.0; STAGES]);
+        let nmpc = Nmpc::builder(problem).model(Box::new(rest)).search(Box::new(search)).build();
+        let (mut nmpc, x) = (nmpc.unwrap(), [3.0, 4.0, 1.0, 1.0]);
+        let reference = [14.0, 15.0, 0.0, 0.0].repeat(STAGES);
+        let mut before = 0.0;
+        for _ in 0..4 {
+            let step = nmpc.step(&x, &reference).unwrap();
+            assert_eq!(step.status, SqpStatus::Converged);
+            assert!(step.u[0] - before <= expected && step.u[0].fract() == 0.0, "{rate}: {step:?}");
+            before = step.u[0];
+        }
+        assert!(before >= expected.min(5.0), "{rate}: {before}");
+        nmpc.set_applied_input(&[0.4, 0.0]).unwrap();
+        let step = nmpc.step(&x, &reference).unwrap();
+        assert!(step.u[0].fract() == 0.0 && step.u[0] <= (0.4 + rate).ceil(), "{rate}: {step:?}");
+    }
+}
+
 /// One pump is switched in whole volts, the other is not.
 #[test]
 fn other_inputs_are_free_beside_whole_ones() {

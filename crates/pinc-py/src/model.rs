@@ -5,7 +5,7 @@ use crate::config::Source;
 use crate::discrete::Discrete;
 use crate::errors::{input, of_run};
 use pinc_net::{FoldedNet, PincModel, PincNet, TrainingTarget};
-use pinc_record::{read_file, write_atomically};
+use pinc_record::{read_file, write_output};
 use pinc_runs::{ErrorEstimate, RunError, certificate, error_estimate};
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict, PyTuple};
@@ -64,7 +64,7 @@ impl Model {
 
     #[doc = doc!("Model.save")]
     fn save(&self, path: PathBuf) -> PyResult<()> {
-        write_atomically(&path, &self.bytes()).map_err(|error| of_run(&error.into()))
+        write_output(&path, &self.bytes()).map_err(|error| of_run(&error.into()))
     }
 
     #[doc = doc!("Model.to_bytes")]

@@ -218,8 +218,8 @@ struct Layout {
     /// The soft rows; in the end there is a line for the violation of each.
     soft: Vec<Row>,
     columns: usize,
-    /// Whether H has products of states and inputs.
-    stage_cost: bool,
+    /// Whether H has products of states with the inputs that act there, and that led there.
+    products: [bool; 2],
     /// In the order of a matrix stored by columns.
     entries: Vec<Entry>,
 }
@@ -246,8 +246,8 @@ impl Layout {
         lines.sort_by_key(|line| !line.equality);
         let equalities = lines.iter().filter(|line| line.equality).count();
         let columns = qp.gradient.len() + soft.len();
-        let (dynamics, stage_cost, entries) = (qp.c.len(), qp.has_stage_cost(), Vec::new());
-        let mut layout = Self { dynamics, lines, equalities, soft, columns, stage_cost, entries };
+        let (dynamics, products, entries) = (qp.c.len(), products(qp), Vec::new());
+        let mut layout = Self { dynamics, lines, equalities, soft, columns, products, entries };
         layout.add_dynamics(qp);
         layout.add_lines(qp);
         layout.entries.sort_by_key(|entry| (entry.column, entry.row));
@@ -257,7 +257,7 @@ impl Layout {
     /// Whether the soft rows of `qp` and the pattern of its Hessian are these.
     fn suits(&self, qp: &Qp) -> bool {
         let mut soft = self.soft.iter();
-        let mut same = self.stage_cost == qp.has_stage_cost();
+        let mut same = self.products == products(qp);
         for (kind, limits) in qp.limits() {
             for (index, [low, high, penalty]) in limits.iter().enumerate() {
                 if penalty.is_finite() && (low.is_finite() || high.is_finite()) {
@@ -339,6 +339,11 @@ impl Layout {
         let places = self.entries.iter().map(|entry| (entry.row, entry.column, 0.0));
         compressed(self.height(), self.columns, places)
     }
+}
+
+/// [`Layout::products`]
+fn products(qp: &Qp) -> [bool; 2] {
+    [!qp.s.is_empty(), !qp.s_before.is_empty()]
 }
 
 /// The upper triangle of H.

@@ -159,6 +159,22 @@ pub(crate) fn write_unflushed(path: &Path, bytes: &[u8]) -> Result<(), RecordErr
     file.put()
 }
 
+/// Whether two paths lead to one file, also by links.
+#[must_use]
+pub fn is_same_file(one: &Path, two: &Path) -> bool {
+    #[cfg(unix)]
+    {
+        use std::os::unix::fs::MetadataExt;
+        let id = |path: &Path| fs::metadata(path).ok().map(|m| (m.dev(), m.ino()));
+        id(one).is_some() && id(one) == id(two)
+    }
+    #[cfg(not(unix))]
+    {
+        let place = |path: &Path| fs::canonicalize(path).ok();
+        place(one).is_some() && place(one) == place(two)
+    }
+}
+
 /// Writes what a user has named: a file like [`write_atomically`], that which a link leads to, and
 /// straight into pipes and devices.
 ///

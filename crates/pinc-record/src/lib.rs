@@ -43,7 +43,9 @@ pub use checkpoint::{Saved, load_checkpoint, save_checkpoint};
 pub use csv::{CsvText, decimals, number};
 pub use domain_error::{DomainErrorMetrics, Place, ProvenErrors, Rk4Errors};
 pub use error::{CheckpointProblem, RecordError, TableProblem};
-pub use files::{file, read_file, read_text, remove_unfinished, write_atomically, write_output};
+pub use files::{
+    file, is_same_file, read_file, read_text, remove_unfinished, write_atomically, write_output,
+};
 pub use identification::{
     CorrelationMetrics, EstimateMetrics, HeldOutMetrics, IdentificationMetrics,
     InitialStateMetrics, InputCorrelationMetrics, MinimumMetrics, ParameterMetrics,

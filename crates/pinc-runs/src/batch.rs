@@ -63,6 +63,7 @@ impl BatchController {
                 ("control.plant", spec.plant.is_some()),
                 ("control.plant_schedule", !spec.plant_schedule.is_empty()),
                 ("control.loads", !spec.loads.is_empty()),
+                ("control.measured_parameters", !chosen.measured.is_empty()),
             ]),
             spec: spec.clone(),
             command,
@@ -136,6 +137,6 @@ impl BatchController {
 }
 
 /// The first key that is there.
-fn first<const N: usize>(keys: [(&'static str, bool); N]) -> Option<&'static str> {
+pub(crate) fn first<const N: usize>(keys: [(&'static str, bool); N]) -> Option<&'static str> {
     keys.into_iter().find_map(|(key, is_there)| is_there.then_some(key))
 }

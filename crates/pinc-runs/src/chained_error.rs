@@ -1,17 +1,20 @@
 //! The estimated error of a net that runs freely.
 
-use crate::RunError;
+use crate::{RunError, check_match};
 use pinc_config::Experiment;
 use pinc_net::{PincModel, PincNet, TrainingTarget};
 use pinc_ode::{DynPlant, Linearization, Model, Stages};
 use pinc_verify::ErrorEstimate;
+use std::path::Path;
 
 /// The estimate of the error of one step of `net` as a model of the experiment's plant.
 ///
 /// # Errors
 ///
+/// [`RunError::Usage`] if the net is not one of the experiment's plant and step length, and
 /// [`RunError::Verify`] if the plant is a black box, or the net knows one scenario only.
 pub fn error_estimate(experiment: &Experiment, net: &PincNet) -> Result<ErrorEstimate, RunError> {
+    check_match(experiment, Path::new("model"), net)?;
     let varying: Vec<&str> = net.parameter_names().collect();
     Ok(ErrorEstimate::new(net, &*experiment.plant.family(&varying))?)
 }

@@ -123,7 +123,7 @@ impl<'e> Chosen<'e> {
         let of_net = given.as_ref().map(|(_, net)| net.sample_time_s());
         let sample_time_s = experiment.sample_time_s().or(of_net);
         let sample_time_s = sample_time_s.ok_or_else(|| missing("model"))?;
-        let plant = experiment.plant.family(&names);
+        let plant = told.plant.family(&names);
         let truth = experiment.plant.dyn_plant();
         let parameter_names = names.into_iter().map(str::to_owned).collect();
         Ok(Self {

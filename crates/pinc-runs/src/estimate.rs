@@ -8,7 +8,7 @@ use super::recorded::Columns;
 use crate::RunError;
 use pinc_config::{Experiment, LoopParameters, ModelKind, Variables};
 use pinc_estimate::{Estimator, History};
-use pinc_record::{EstimatorMetrics, decimals, read_file, write_atomically};
+use pinc_record::{EstimatorMetrics, decimals, read_file, write_output};
 use std::fmt;
 use std::path::Path;
 use std::time::Instant;
@@ -74,7 +74,7 @@ pub fn estimate(
     let estimator = feedback::metrics(&history, (&variables.state_names(), &measured), step_us);
     if let Some(output) = output {
         let table = feedback::table(&history, (names, measured), |k| t[k]);
-        write_atomically(output, table.estimates_to_csv().as_bytes())?;
+        write_output(output, table.estimates_to_csv().as_bytes())?;
     }
     let failed = history.corrections.iter().filter(|c| !c.status.has_succeeded()).count();
     Ok(Estimated { rows: t.len(), failed, estimator })

@@ -87,6 +87,7 @@ use pinc_net::PincNet;
 use pinc_ode::Simulator;
 use pinc_record::{
     Metrics, Provenance, RecordError, RunDir, file, read_file, remove_unfinished, write_atomically,
+    write_output,
 };
 use pinc_report as report;
 use std::fs;
@@ -194,7 +195,7 @@ pub fn rebuild_report(dir: &Path) -> Result<PathBuf, RunError> {
 /// written.
 pub fn compare(dirs: &[PathBuf], page: &Path) -> Result<(), RunError> {
     let comparison = report::compare(dirs)?;
-    Ok(write_atomically(page, comparison.html.as_bytes())?)
+    Ok(write_output(page, comparison.html.as_bytes())?)
 }
 
 /// Writes the report's pictures, and removes pictures of an earlier report that it no longer has.
@@ -482,9 +483,20 @@ fn matching_model(
     bytes: Vec<u8>,
 ) -> Result<(Vec<u8>, PincNet), RunError> {
     let net = chainable(path, parse_model(path, &bytes)?)?;
+    check_match(experiment, path, &net)?;
+    Ok((bytes, net))
+}
+
+/// Whether `net`, of the file `path`, is one of the experiment's plant and step length.
+fn check_match(experiment: &Experiment, path: &Path, net: &PincNet) -> Result<(), RunError> {
     let variables = experiment.plant.variables();
     let names = |names: &[String]| names.join(", ");
     let parameters: Vec<_> = net.parameter_names().map(str::to_owned).collect();
+    if experiment.data.as_ref().is_some_and(|data| !data.parameters.is_empty()) {
+        let problem = "[plant] has the parameters that its training began with: give those found \
+                       (`training.parameters` in metrics.json) there, and remove data.parameters";
+        return Err(RunError::usage(path.display(), problem));
+    }
     let mut compared = vec![
         ("states", names(net.state_names()), names(&variables.state_names())),
         ("inputs", names(net.input_names()), names(&variables.input_names())),
@@ -520,5 +532,5 @@ fn matching_model(
             return Err(RunError::usage(path.display(), problem));
         }
     }
-    Ok((bytes, net))
+    Ok(())
 }

@@ -271,11 +271,11 @@ impl LiveController {
         self.observer.as_ref().map_or(&[], |observer| &observer.names)
     }
 
-    /// The most numbers that a step takes: measurements, a reference per stage, an input, and
-    /// parameters.
-    #[must_use]
-    pub fn request_numbers(&self) -> usize {
-        self.measured().len() + self.window.len() + self.u.len() + self.measured_parameters.len()
+    /// The most numbers that a step takes, measurements, a reference per stage, an input, and
+    /// parameters, and those of a state.
+    pub fn request_numbers(&mut self) -> usize {
+        let of_step = self.measured().len() + self.window.len() + self.u.len();
+        of_step + self.measured_parameters.len() + self.state().numbers.len()
     }
 
     /// How often the estimated error of the net was beyond its tolerance; none without

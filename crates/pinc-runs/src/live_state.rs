@@ -18,7 +18,7 @@ pub struct LiveState {
     /// The names of the disturbances and parameters that are estimated.
     unknowns: Vec<String>,
     /// All numbers; those that are NaN, of missing measurements, are `null` in JSON.
-    numbers: Vec<Option<f64>>,
+    pub(super) numbers: Vec<Option<f64>>,
 }
 
 impl LiveState {

@@ -8,7 +8,7 @@ use crate::RunError;
 use csv::StringRecord;
 use pinc_config::{Experiment, OutsidePolicy};
 use pinc_net::{PincNet, TrainingTarget};
-use pinc_record::{CsvText, OutsideDomain, number, read_file, write_output};
+use pinc_record::{CsvText, OutsideDomain, is_same_file, number, read_file, write_output};
 use std::collections::HashMap;
 use std::path::Path;
 
@@ -56,21 +56,6 @@ pub fn predict(
     let table = run(&net, inputs, &text, (&mut guard, errors.as_mut()))?;
     write_output(output, table.as_bytes())?;
     Ok(guard.found())
-}
-
-/// Whether two paths lead to one file, also by links.
-fn is_same_file(one: &Path, two: &Path) -> bool {
-    #[cfg(unix)]
-    {
-        use std::os::unix::fs::MetadataExt;
-        let id = |path: &Path| std::fs::metadata(path).ok().map(|m| (m.dev(), m.ino()));
-        id(one).is_some() && id(one) == id(two)
-    }
-    #[cfg(not(unix))]
-    {
-        let place = |path: &Path| std::fs::canonicalize(path).ok();
-        place(one).is_some() && place(one) == place(two)
-    }
 }
 
 /// The output for the text of the file `path`.

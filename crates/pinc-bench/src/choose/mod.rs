@@ -106,6 +106,11 @@ pub fn choose(
     options: &Options<'_>,
     how: ChooseOptions,
 ) -> Result<Choice, RunError> {
+    if experiment.data.as_ref().is_some_and(|data| !data.parameters.is_empty()) {
+        let problem = "`pinc choose` compares models of one plant, but each training with data.parameters \
+                       finds its own: give those of a training in [plant], and remove the key";
+        return Err(RunError::usage(&experiment.name, problem));
+    }
     let base = Base::of(experiment, plants)?;
     let mut session = Session::open(&base, dir, plants, options, how)?;
     let (control, sources, states) = (base.control(), &base.sources, base.states());

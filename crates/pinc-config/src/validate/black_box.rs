@@ -42,9 +42,10 @@ pub(super) fn fmu(key: &str, spec: &FmuSpec, plants: &Plants) -> Checked {
     allowed(&key, "a file with a binary", plants)?;
     match spec.open() {
         Ok(_) => Ok(()),
-        Err(problem) => {
+        Err(error) => {
             let expected = "an FMU of FMI 2.0 or 3.0 with these variables";
-            value(&format!("{key}.file"), format!("{} ({problem})", spec.file.display()), expected)
+            let (key, file) = (format!("{key}.{}", error.key), spec.file.display());
+            value(&key, format!("{file} ({error})"), expected)
         }
     }
 }

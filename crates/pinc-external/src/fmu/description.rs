@@ -55,6 +55,7 @@ struct Real {
     /// As many as it has elements; 0 where none are given.
     start: Vec<f64>,
     is_input: bool,
+    is_calculated: bool,
 }
 
 impl Description {
@@ -118,6 +119,11 @@ impl Description {
         self.variable(reference).is_some_and(|real| real.is_input)
     }
 
+    /// Whether the FMU says of the variable with this reference that it calculates it at the start.
+    pub(super) fn is_calculated(&self, reference: u32) -> bool {
+        self.variable(reference).is_some_and(|real| real.is_calculated)
+    }
+
     fn variable(&self, reference: u32) -> Option<&Real> {
         self.variables.values().find(|real| real.reference == reference)
     }
@@ -153,6 +159,11 @@ fn is_input(node: Node<'_, '_>) -> bool {
     node.attribute("causality") == Some("input")
 }
 
+fn is_calculated(node: Node<'_, '_>) -> bool {
+    node.attribute("initial") == Some("calculated")
+        || matches!(node.attribute("causality"), Some("calculatedParameter" | "independent"))
+}
+
 /// All of them, the states, and the references of these' derivatives.
 type Variables = (BTreeMap<String, Real>, Vec<Place>, Vec<u32>);
 
@@ -164,7 +175,8 @@ fn variables_of_two(root: Node<'_, '_>) -> Result<Variables, String> {
         let start = real.attribute("start").and_then(|text| text.trim().parse().ok());
         let (reference, start) = (whole(*node, "valueReference")?, vec![start.unwrap_or(0.0)]);
         let name = node.attribute("name").unwrap_or_default().to_owned();
-        variables.insert(name, Real { reference, start, is_input: is_input(*node) });
+        let (is_input, is_calculated) = (is_input(*node), is_calculated(*node));
+        variables.insert(name, Real { reference, start, is_input, is_calculated });
     }
     // Variables are counted from 1.
     let numbered = |index: usize| index.checked_sub(1).and_then(|i| all.get(i)).copied();
@@ -199,7 +211,8 @@ fn variables_of_three(root: Node<'_, '_>) -> Result<Variables, String> {
         start.resize(length, 0.0);
         let name = node.attribute("name").unwrap_or_default().to_owned();
         let reference = whole(node, "valueReference")?;
-        variables.insert(name, Real { reference, start, is_input: is_input(node) });
+        let (is_input, is_calculated) = (is_input(node), is_calculated(node));
+        variables.insert(name, Real { reference, start, is_input, is_calculated });
     }
     let (mut states, mut rates) = (Vec::new(), Vec::new());
     let structure = elements(root, "ModelStructure");

@@ -14,6 +14,7 @@ pub use description::FmuKind;
 use crate::pool::{Pool, external};
 use pinc_ode::{Flow, Linearization, OdeError, Stages};
 use simulation::Simulation;
+use std::fmt;
 use std::fs;
 use std::path::Path;
 use std::sync::{Arc, OnceLock};
@@ -44,6 +45,34 @@ pub struct FmuPlant {
     pub time_limit: Duration,
 }
 
+/// What is wrong with a file, or does not go with how it is to be a plant.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct FmuError {
+    /// What was asked for: `file`, `variables`, `start_variables` or `parameters.NAME`.
+    pub key: String,
+    /// What is wrong, in words.
+    pub problem: String,
+}
+
+impl FmuError {
+    fn at(key: impl Into<String>) -> impl FnOnce(String) -> Self {
+        let key = key.into();
+        |problem| Self { key, problem }
+    }
+}
+
+impl From<String> for FmuError {
+    fn from(problem: String) -> Self {
+        Self { key: "file".to_owned(), problem }
+    }
+}
+
+impl fmt::Display for FmuError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.problem)
+    }
+}
+
 /// An FMU as a plant. Each step begins at the start time in the state that is asked for: the FMU's
 /// memory is its states, and it does not depend on time.
 ///
@@ -71,8 +100,8 @@ impl Fmu {
     ///
     /// # Errors
     ///
-    /// In words, what is wrong with the file or does not go with `plant`.
-    pub fn open(path: &Path, plant: &FmuPlant) -> Result<Self, String> {
+    /// [`FmuError`] says what is wrong with the file or does not go with `plant`.
+    pub fn open(path: &Path, plant: &FmuPlant) -> Result<Self, FmuError> {
         let bytes = fs::read(path).map_err(|error| format!("it cannot be read: {error}"))?;
         let unpacked = Unpacked::new()?;
         archive::unpack(&bytes, unpacked.path())?;

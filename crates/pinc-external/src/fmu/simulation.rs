@@ -1,10 +1,10 @@
 //! The FMU itself: instances of it, and steps of these.
 
-use super::FmuPlant;
 use super::derivatives::{Derivatives, Start};
 use super::description::{Description, FmuKind, Place, Version};
 use super::equation::Equation;
 use super::library::{Binary, Instance};
+use super::{FmuError, FmuPlant};
 use crate::pool::external;
 use pinc_ode::{Dims, Dopri5, Linearization, OdeError};
 use std::fmt::{self, Debug};
@@ -82,9 +82,9 @@ pub(super) struct Integrators {
 }
 
 impl Simulation {
-    /// The FMU that is unpacked in the directory `unpacked`; or, in words, what is wrong with it or
-    /// does not go with `plant`.
-    pub(super) fn new(unpacked: &Path, plant: &FmuPlant) -> Result<Self, String> {
+    /// The FMU that is unpacked in the directory `unpacked`; or what is wrong with it or does not go
+    /// with `plant`.
+    pub(super) fn new(unpacked: &Path, plant: &FmuPlant) -> Result<Self, FmuError> {
         let text = std::fs::read_to_string(unpacked.join("modelDescription.xml"));
         let text = text.map_err(|_| "it has no modelDescription.xml".to_owned())?;
         let description =
@@ -93,19 +93,21 @@ impl Simulation {
         let places = |names: &[String]| {
             names.iter().map(|name| description.place(name)).collect::<Result<Vec<_>, _>>()
         };
-        let [states, starts, input_places, outputs] = [
-            places(&plant.states)?,
-            places(&plant.starts)?,
-            places(&plant.inputs)?,
-            places(&plant.outputs)?,
-        ];
+        let named = |names| places(names).map_err(FmuError::at("variables"));
+        let [states, input_places, outputs] =
+            [named(&plant.states)?, named(&plant.inputs)?, named(&plant.outputs)?];
+        let starts = places(&plant.starts).map_err(FmuError::at("start_variables"))?;
+        check_distinct(plant, [&states, &input_places])?;
+        check_set(&description, plant, [&input_places, &starts])?;
         let (mut references, mut values) = (Vec::new(), Vec::new());
         let mut add = |place: Place| slot(&description, place, &mut references, &mut values);
         let starts: Vec<usize> = starts.into_iter().map(&mut add).collect();
         let inputs: Vec<usize> = input_places.iter().copied().map(&mut add).collect();
         let mut given = Vec::new();
         for (name, value) in &plant.parameters {
-            given.push((add(description.place(name)?), *value));
+            let place =
+                description.place(name).map_err(FmuError::at(format!("parameters.{name}")))?;
+            given.push((add(place), *value));
         }
         for (place, value) in given {
             values[place] = value;
@@ -292,6 +294,48 @@ impl Simulation {
         }
         Ok(())
     }
+}
+
+/// Checks that states and inputs are different variables.
+fn check_distinct(plant: &FmuPlant, [states, inputs]: [&[Place]; 2]) -> Result<(), FmuError> {
+    let places: Vec<&Place> = states.iter().chain(inputs).collect();
+    for (i, name) in plant.states.iter().chain(&plant.inputs).enumerate() {
+        if places[..i].contains(&places[i]) {
+            let problem = format!("`{name}` is two of the plant's states and inputs");
+            return Err(FmuError::at("variables")(problem));
+        }
+    }
+    Ok(())
+}
+
+/// Checks that what is set can be set, and is set once: inputs, starts and parameters.
+fn check_set(
+    description: &Description,
+    plant: &FmuPlant,
+    [inputs, starts]: [&[Place]; 2],
+) -> Result<(), FmuError> {
+    let mut set: Vec<Place> = Vec::new();
+    let keyed = |key: &'static str| move |name| (key.to_owned(), name);
+    let of_starts = plant.starts.iter().map(keyed("start_variables"));
+    let parameters = plant.parameters.iter().map(|(name, _)| (format!("parameters.{name}"), name));
+    let names = plant.inputs.iter().map(keyed("variables")).chain(of_starts).chain(parameters);
+    let mut places = inputs.iter().chain(starts).copied();
+    for (key, name) in names {
+        let place = match places.next() {
+            Some(place) => place,
+            None => description.place(name).map_err(FmuError::at(key.clone()))?,
+        };
+        if set.contains(&place) {
+            let problem = format!("`{name}` is set already, as an input, a start or a parameter");
+            return Err(FmuError::at(key)(problem));
+        }
+        if description.is_calculated(place.reference) {
+            let problem = format!("`{name}` is calculated, so that it cannot be set");
+            return Err(FmuError::at(key)(problem));
+        }
+        set.push(place);
+    }
+    Ok(())
 }
 
 /// The interface that is asked for, or the first that there is.

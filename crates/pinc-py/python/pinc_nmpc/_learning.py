@@ -6,6 +6,8 @@ from typing import TYPE_CHECKING, Any, Optional
 
 import numpy as np
 
+from ._errors import InputError
+
 if TYPE_CHECKING:
     from ._native import NmpcBatch
 
@@ -33,14 +35,25 @@ def _gradients(
     return [array.reshape(like.shape) for like, array in zip(given, arrays)]
 
 
+def _check_real(x: Any, is_real: bool) -> None:
+    # The inputs are of the type of the states: whole numbers would cut them.
+    if not is_real:
+        raise InputError(f"x: type {x.dtype} given, expected a floating-point type")
+
+
 def torch_policy(batch: "NmpcBatch", smoothing: Optional[float] = None) -> Callable[..., Any]:
     """The controller as a function of PyTorch tensors, ``u = policy(x, reference, u_before,
     parameters=None)``, with gradients in all of them. Needs the package torch.
 
     ``x`` is ``(points, n)``; ``reference`` ``(outputs,)``, ``(points, outputs)`` or ``(points,
     horizon, outputs)``; ``u_before`` ``(m,)`` or ``(points, m)``; ``parameters`` ``(np,)`` or
-    ``(points, np)``. The result is ``(points, m)``. With ``smoothing`` the gradients are those of
-    the smoothed plan. Where a plan is not optimal the backward pass warns.
+    ``(points, np)``, in the model's order: that of the domain's parameters, not of
+    ``control.measured_parameters``. The result is ``(points, m)``, of the
+    floating-point type of ``x``. With ``smoothing`` the gradients are those of the smoothed plan.
+    Where a plan is not optimal the backward pass warns. ``torch.autograd`` differentiates it;
+    ``torch.func`` and ``vmap`` do not: give it rows of points instead. With ``delay_steps`` of 2 and
+    more ``u_before`` stands for all inputs under way, which in a chain of policy and plant they are
+    not: use ``NmpcBatch.loops``.
     """
     try:
         import torch
@@ -64,6 +77,7 @@ def torch_policy(batch: "NmpcBatch", smoothing: Optional[float] = None) -> Calla
             return tuple(torch.from_numpy(array).to(like) for array, like in zip(found, given))
 
     def policy(x: Any, reference: Any, u_before: Any, parameters: Any = None) -> Any:
+        _check_real(x, x.is_floating_point())
         points = x.shape[0]
         if reference.dim() < 3:
             reference = reference.expand(points, -1).unsqueeze(1).expand(-1, batch.horizon, -1)
@@ -76,7 +90,8 @@ def torch_policy(batch: "NmpcBatch", smoothing: Optional[float] = None) -> Calla
 
 
 def jax_policy(batch: "NmpcBatch", smoothing: Optional[float] = None) -> Callable[..., Any]:
-    """``torch_policy`` for JAX: a function that can be jitted and differentiated in reverse mode.
+    """``torch_policy`` for JAX: a function that can be jitted and differentiated in reverse mode by
+    ``jax.grad`` and ``jax.vjp``, but not by ``vmap`` nor ``jax.jacrev``, which maps with it.
     Needs the package jax; for all digits, ``jax.config.update("jax_enable_x64", True)``.
     """
     try:
@@ -112,6 +127,7 @@ def jax_policy(batch: "NmpcBatch", smoothing: Optional[float] = None) -> Callabl
     inputs.defvjp(forward, backward)
 
     def policy(x: Any, reference: Any, u_before: Any, parameters: Any = None) -> Any:
+        _check_real(x, jnp.issubdtype(x.dtype, jnp.floating))
         points = x.shape[0]
         if reference.ndim < 3:
             width = reference.shape[-1]

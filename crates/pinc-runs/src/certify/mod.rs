@@ -77,8 +77,11 @@ pub fn certify(
     }
     let drawn = random(&subject.domain, count, experiment.seed);
     let mut all = drawn.clone();
-    for path in what.data.iter().cloned().chain(what.run.iter().map(|run| subject.trace(run))) {
-        all.extend(read_points(&path, &subject.variables())?);
+    if let Some(path) = &what.data {
+        all.extend(read_points(path, &subject.variables())?);
+    }
+    if let Some(run) = &what.run {
+        all.extend(subject.along(experiment, run)?);
     }
     let mut run_dir = RunDir::open(dir, experiment, std::process::id())?;
     let provenance = Provenance::of(experiment, invocation(options.arguments));

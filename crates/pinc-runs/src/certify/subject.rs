@@ -1,7 +1,8 @@
 //! The model whose step is judged, with the plant that it stands for.
 
 use super::ends;
-use super::points::Judged;
+use super::points::{Judged, read_points};
+use crate::batch::first;
 use crate::{RunError, read_matching_model};
 use pinc_check::step_error;
 use pinc_config::{Experiment, ModelKind};
@@ -9,7 +10,7 @@ use pinc_net::{Domain, PincModel, PincNet};
 use pinc_ode::{DynPlant, Integrator, Model, Simulator, Variable};
 use pinc_record::file;
 use pinc_verify::{ErrorEstimate, StepError, StepModel};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 /// Substeps of an integrator of which no config says how many.
 const SUBSTEPS: usize = 4;
@@ -114,10 +115,29 @@ impl Subject {
         all.map(label).collect()
     }
 
-    /// The trace of the closed loop with this model in the directory of a run.
-    pub(super) fn trace(&self, run: &Path) -> PathBuf {
-        let of_several = run.join(file::control(self.kind, 2));
-        if of_several.exists() { of_several } else { run.join(file::control(self.kind, 1)) }
+    /// The points of the loop with this model in a run's directory, with the controller's parameters.
+    pub(super) fn along(
+        &self,
+        experiment: &Experiment,
+        run: &Path,
+    ) -> Result<Vec<Vec<f64>>, RunError> {
+        let np = self.parameters.len();
+        let changes = np > 0 && experiment.model_schedule(self.sample_time_s).values.is_some();
+        let measured = !experiment.measured_parameters().is_empty();
+        let is_estimated = experiment.loop_parameters().estimated.iter().any(|&place| place < np);
+        if let Some(key) = first([
+            ("control.estimator.parameters", is_estimated),
+            ("control.plant_schedule", changes && measured),
+            ("control.parameter_schedule", changes && !measured),
+        ]) {
+            return Err(RunError::with_schedule(&experiment.name, "pinc certify --run", key));
+        }
+        let [several, one] = [2, 1].map(|loops| run.join(file::control(self.kind, loops)));
+        let trace = if several.exists() { several } else { one };
+        let mut points = read_points(&trace, &[&self.states[..], &self.inputs].concat())?;
+        let member = experiment.model_parameters();
+        points.iter_mut().for_each(|point| point.extend(&member));
+        Ok(points)
     }
 
     /// The errors at points: enclosed, or from an accurate integration where that is not possible.

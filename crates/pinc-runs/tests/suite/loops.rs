@@ -254,3 +254,29 @@ fn recorded_data_have_a_row_per_step() {
         );
     }
 }
+
+/// To save a controller is no step: with a tube, and with a step prepared ahead, too.
+#[test]
+fn asking_for_the_state_changes_no_input() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
+    for set in [
+        "control.uncertainty={ probability = \"worst-case\", boxes = { x1 = 0.01, x2 = 0.01 } }",
+        "control.sqp.real_time=true",
+    ] {
+        let (config, sets) = (root.join("configs/van-der-pol/control.toml"), [set.to_owned()]);
+        let experiment = Experiment::load(&config, &sets, &Plants::built_in()).unwrap();
+        let make = || LiveController::new(&experiment, None, Some(ModelKind::RK4), "the test");
+        let mut both = [make().unwrap(), make().unwrap()];
+        for k in 0..12_u8 {
+            let t = 0.5 * f64::from(k);
+            let x = [0.8 * t.cos(), -0.7 * (1.1 * t).sin()];
+            let [asked, left] = both.each_mut().map(|controller| {
+                let u = controller.step(&x, Follow::Config, None).unwrap().u[0];
+                controller.prepare();
+                u
+            });
+            assert_eq!(asked.to_bits(), left.to_bits(), "{set}, step {k}: {asked} {left}");
+            both[0].state();
+        }
+    }
+}

@@ -217,7 +217,8 @@ fn long_lines_are_refused_and_not_repeated() {
     let config = "van-der-pol/control.toml";
     let mut served = Served::new(config, &[]);
     // Two states, a reference of five rows of two, and an input.
-    let longest = 65_536 + 64 * (2 + 5 * 2 + 1);
+    let state = served.ask(&json!({ "command": "save" }))["state"]["numbers"].clone();
+    let longest = 65_536 + 64 * (2 + 5 * 2 + 1 + state.as_array().unwrap().len());
     let padded = |length: usize| {
         let request = "{\"y\":[0.5,0.1]}";
         format!("{}{request}", " ".repeat(length - request.len()))

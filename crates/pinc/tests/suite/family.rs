@@ -1,8 +1,12 @@
 //! One net for a family of plants, through the program.
 
+use crate::closed::Closed;
 use crate::common::{outcome, pinc};
+use crate::ways::{Exported, Served, assert_same, compile};
+use pinc_config::ModelKind;
 use std::fs;
 use std::path::Path;
+use std::process::Command;
 
 const FAMILY: &str = r#"
 name = "tanks"
@@ -73,6 +77,44 @@ fn a_controller_gets_its_parameters() {
     }
     let both = offsets(&wrong);
     assert!((both[0] - both[1]).abs() < 0.05, "{both:?}");
+}
+
+/// The guard judges the net, and takes its place, by the member that the config names: in the loop, at
+/// a port and in C, whose self-test passes. The points of the loop are certified for it.
+#[test]
+fn the_guard_is_of_the_member_in_every_way_out() {
+    let dir = tempfile::tempdir().unwrap();
+    run(dir.path(), "net", &[]);
+    let model = dir.path().join("net/model.safetensors").display().to_string();
+    let config = dir.path().join("tanks.toml");
+    for on_error in ["integrator", "correct"] {
+        let on_error = format!("control.on_error={on_error}");
+        let sets = ["control.parameters={k=2.6}", "control.error_tolerance={h=1e-9}", &on_error];
+        let sets = sets.iter().flat_map(|set| ["--set", set]);
+        let sets: Vec<&str> = ["--model", &model].into_iter().chain(sets).collect();
+        let out = tempfile::tempdir().unwrap();
+        let closed = Closed::run(out.path(), &config, ModelKind::Pinc, &sets);
+        let mut served = Served::of(&config, ModelKind::Pinc, &sets);
+        assert_same("serve", &closed, &served.answers(&closed.told(), &[]), 1e-9);
+        served.end();
+        let exported = Exported::of(out.path(), &config, ModelKind::Pinc, &sets, false).unwrap();
+        assert_same("C", &closed, &exported.answers(&closed.told()), 1e-9);
+        fs::remove_file(out.path().join("c/driver.c")).unwrap();
+        compile(&out.path().join("c"), "none");
+        let tested = outcome(&mut Command::new(out.path().join("c/program")));
+        assert_eq!(tested.code, Some(0), "{tested:?}");
+        let mut certify = pinc(&["certify", "--quiet", "--run", "run", "--out", "along"]);
+        certify.arg(&config).args(&sets).current_dir(&out);
+        let done = outcome(&mut certify);
+        assert_eq!(done.code, Some(0), "{done:?}");
+        let along = fs::read_to_string(out.path().join("along/certify.csv")).unwrap();
+        let mut rows = along.lines();
+        assert_eq!(rows.next(), Some("h,u,k,h_err,h_bound"));
+        assert!(rows.all(|row| row.split(',').nth(2) == Some("2.6")), "{along}");
+        let schedule = "control.parameter_schedule=[{ start_s = 20.0, values = { k = 2.8 } }]";
+        let refused = outcome(certify.args(["--set", schedule]));
+        refused.assert_refused(&["certify --run", "control.parameter_schedule"]);
+    }
 }
 
 /// A pump that wears in the middle of the run: told of it at that time, the controller has no

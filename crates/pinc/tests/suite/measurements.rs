@@ -160,6 +160,32 @@ fn an_unknown_parameter_is_trained_with_the_net() {
     let again = outcome(pinc(&again).current_dir(dir.path()));
     assert_eq!(again.code, Some(0), "{again:?}");
     assert_eq!(metrics()["control"][0]["iae"], before["control"][0]["iae"]);
+    // Other commands know the plant of the config alone, which is not the net's.
+    let model = ["--model", "run/model.safetensors"];
+    let points = "scenario,t,u,x1,x2\na,0,0.5,1,0\na,0.5,0.5,,\n";
+    std::fs::write(dir.path().join("in.csv"), points).unwrap();
+    let predict = ["predict", "--inputs", "in.csv", "--output", "out.csv", "--errors"];
+    let export = ["export", "a.toml", "--only", "pinc", "--to", "c"];
+    for command in [
+        &["control", "a.toml"][..],
+        &["serve", "a.toml"],
+        &["certify", "a.toml"],
+        &predict,
+        &export,
+    ] {
+        let refused = outcome(pinc(&[command, &model].concat()).current_dir(dir.path()));
+        refused.assert_refused(&[
+            "run/model.safetensors",
+            "training.parameters",
+            "data.parameters",
+        ]);
+    }
+    let refused = outcome(pinc(&["choose", "a.toml"]).current_dir(dir.path()));
+    refused.assert_refused(&["pinc choose", "data.parameters"]);
+    let mu = format!("plant.van-der-pol.mu={mu}");
+    let known = ["control", "a.toml", "--out", "known", "--unset", "data.parameters", "--set", &mu];
+    let known = outcome(pinc(&[&known[..], &model].concat()).current_dir(dir.path()));
+    assert_eq!(known.code, Some(0), "{known:?}");
 }
 
 #[test]
