@@ -101,6 +101,17 @@ fn inputs_have_to_make_a_tenth_of_a_change_within_the_horizon() {
     assert!(of(0.11).iter().all(|of| !of.what.contains("of a change of its reference")));
 }
 
+/// What needs controlled states is left out for an output, and this is said.
+#[test]
+fn a_controlled_output_leaves_out_what_needs_states() {
+    let output = ["plant.expression.outputs.level=\"x1\"", "control.controlled=[\"level\"]"];
+    let words = "these need controlled states, and level is none";
+    let found = findings(["u - x1", "x1 - x2"], &output);
+    assert_eq!(only(&found, words).0, Fact);
+    let found = findings(["u - x1", "x1 - x2"], &[]);
+    assert!(found.iter().all(|of| !of.what.contains("these need controlled states")));
+}
+
 /// x1 moves by 1e-6 in a second, in a domain of 4.
 #[test]
 fn plants_that_stand_still_within_the_horizon_are_noticed() {
