@@ -59,9 +59,9 @@ class LoopEnv(gymnasium.Env[_Array, _Array]):
             raise InputError("the config has no section [control], which an environment needs")
         if "cost" in control:
             raise InputError("control.cost: an environment has the costs q and r")
-        for key in ("delay_steps", "loads", "plant_schedule"):
+        for key in ("delay_steps", "loads", "measured_parameters", "plant_schedule"):
             if control.get(key):
-                raise InputError(f"control.{key}: given, but an environment's plant has none")
+                raise InputError(f"control.{key}: given, but an environment has none")
         self._q, self._r = np.array(control["q"]), np.array(control["r"])
         names = self._plant.states
         missing = [name for name in control["controlled"] if name not in names]
