@@ -10,8 +10,8 @@ use pinc_sensitivity::{Given, ProblemDerivative};
 /// x_0 = x,   x_{j+1} = F(x_j, u_j, p),   j < delay
 /// ```
 ///
-/// to the measured state x, to p and to the inputs u_j under way, whose gradients it returns, `[delay,
-/// m]` (without a delay that of the input before). `under_way` has all of them, or one for all.
+/// to the measured state x, to p and to the inputs under way, whose gradients it returns, `[delay, m]`
+/// (without a delay that of the input before). `under_way` has all of them, or one for all.
 pub(crate) fn add_prediction(
     nmpc: &mut Nmpc,
     [x, under_way]: [&[f64]; 2],
