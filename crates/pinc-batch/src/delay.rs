@@ -7,36 +7,46 @@ use pinc_sensitivity::{Given, ProblemDerivative};
 /// Carries the gradient of a step back from the state predicted for its delay,
 ///
 /// ```text
-/// x_0 = x,   x_{j+1} = F(x_j, u_before, p),   j < delay
+/// x_0 = x,   x_{j+1} = F(x_j, u_j, p),   j < delay
 /// ```
 ///
-/// to the measured state x, to the input before, which is all that is under way, and to p.
+/// to the measured state x, to p and to the inputs under way, whose gradients it returns, `[delay, m]`
+/// (without a delay that of the input before). `under_way` has all of them, or one for all.
 pub(crate) fn add_prediction(
     nmpc: &mut Nmpc,
-    [x, u_before]: [&[f64]; 2],
+    [x, under_way]: [&[f64]; 2],
     gradient: &mut ProblemDerivative,
-) {
+) -> Vec<f64> {
     let (dims, delay) = (nmpc.model().dims(), nmpc.problem().delay);
+    let mut by_under_way = vec![0.0; delay.max(1) * dims.nu];
+    let last = by_under_way.len() - dims.nu;
+    by_under_way[last..].copy_from_slice(gradient.get(Given::AppliedInput));
     if delay == 0 {
-        return;
+        return by_under_way;
     }
+    let u = |j: usize| &under_way[j * dims.nu % under_way.len()..][..dims.nu];
     let mut program = nmpc.program();
     let (model, p) = program.model(0);
     let mut states = vec![x.to_vec()];
     for j in 1..delay {
         let mut next = vec![0.0; dims.nx];
-        model.step(&states[j - 1], u_before, p, &mut next);
+        model.step(&states[j - 1], u(j - 1), p, &mut next);
         states.push(next);
     }
     let mut room = LinearizationBuffer::new(dims, 1);
     let (mut by_x, mut by_u, mut by_p) =
         (vec![0.0; dims.nx], vec![0.0; dims.nu], vec![0.0; dims.np]);
-    for x in states.iter().rev() {
+    for (j, x) in states.iter().enumerate().rev() {
         let out = Gradients { x: &mut by_x, u: &mut by_u, p: &mut by_p };
-        room.gradients(model, Stages { x, u: u_before, p }, gradient.get(Given::State), out);
+        room.gradients(model, Stages { x, u: u(j), p }, gradient.get(Given::State), out);
         gradient.get_mut(Given::State).copy_from_slice(&by_x);
-        for (given, by) in [(Given::AppliedInput, &by_u), (Given::Parameters, &by_p)] {
-            gradient.get_mut(given).iter_mut().zip(by).for_each(|(sum, by)| *sum += by);
-        }
+        add(&mut by_under_way[j * dims.nu..], &by_u);
+        add(gradient.get_mut(Given::AppliedInput), &by_u);
+        add(gradient.get_mut(Given::Parameters), &by_p);
     }
+    by_under_way
+}
+
+fn add(sum: &mut [f64], terms: &[f64]) {
+    sum.iter_mut().zip(terms).for_each(|(sum, term)| *sum += term);
 }

@@ -17,15 +17,16 @@ pub struct NmpcBatch {
 /// # Shapes
 ///
 /// `x`: `[steps, n]`; `reference`: `[steps, N2, outputs]` or `[N2, outputs]`; `u_before`, the input
-/// applied last: `[steps, m]` or `[m]`; `parameters`: `[steps, np]` or `[np]`, or empty for those
-/// that the controller has.
+/// applied last: `[steps, m]` or `[m]`, with a delay also all that is under way, the next to act first:
+/// `[steps, delay, m]`; `parameters`: `[steps, np]` or `[np]`, or empty for those that the controller
+/// has.
 #[derive(Clone, Copy, Debug)]
 pub struct Situations<'a> {
     /// The states in which the plant is.
     pub x: &'a [f64],
     /// The references over the horizon.
     pub reference: &'a [f64],
-    /// The inputs applied last.
+    /// The inputs applied last. With a delay, one fills all that is under way.
     pub u_before: &'a [f64],
     /// The parameters of the model.
     pub parameters: &'a [f64],
@@ -55,8 +56,12 @@ pub struct GradientBatch {
     pub steps: StepBatch,
     /// Whether the plans are differentiable.
     pub regularities: Vec<Regularity>,
-    /// The gradients in all that the problem is given.
+    /// The gradients in all that the problem is given. That in the input before is for a step in
+    /// which all that is under way moves with it.
     pub gradients: Vec<ProblemDerivative>,
+    /// The gradients in each input under way, `[steps, delay, m]`; without a delay in the input
+    /// before.
+    pub by_under_way: Vec<f64>,
 }
 
 /// The rows of [`Situations`], checked.
@@ -109,8 +114,7 @@ impl NmpcBatch {
 
     /// Takes control steps, and returns for each the gradient of a function of its plan's inputs,
     /// from the gradient `by_inputs` of that function. `smoothing` is as in [`Sensitivity::new`].
-    /// The gradients are in the numbers of `at`, also with a delay, where a step fills all that is under
-    /// way with the input before.
+    /// The gradients are in the numbers of `at`, also with a delay.
     ///
     /// # Shapes
     ///
@@ -132,18 +136,21 @@ impl NmpcBatch {
         let by_inputs = Rows::new("by_inputs", by_inputs, width, at.steps)?;
         let one = |nmpc: &mut Nmpc, k: usize| {
             let step = at.step(nmpc, k)?;
-            let (reference, before) = (at.reference.at(k), at.u_before.at(k));
+            let (reference, under_way) = (at.reference.at(k), at.u_before.at(k));
+            let before = &under_way[under_way.len() - m..];
             let mut sensitivity = Sensitivity::new(nmpc, reference, before, smoothing)?;
             let mut gradient = sensitivity.adjoint(&[], by_inputs.at(k))?;
             let regularity = sensitivity.regularity();
-            add_prediction(nmpc, [at.x.at(k), before], &mut gradient);
-            Ok((step, (regularity, gradient)))
+            let by_under_way = add_prediction(nmpc, [at.x.at(k), under_way], &mut gradient);
+            Ok((step, ((regularity, gradient), by_under_way)))
         };
         let done = share(&mut self.workers, at.steps, one);
         let done: Vec<_> = done.into_iter().collect::<Result<_, MpcError>>()?;
         let (steps, derivatives): (Vec<_>, Vec<_>) = done.into_iter().unzip();
+        let (derivatives, by_under_way): (Vec<_>, Vec<_>) = derivatives.into_iter().unzip();
         let (regularities, gradients) = derivatives.into_iter().unzip();
-        Ok(GradientBatch { steps: StepBatch::collect(steps), regularities, gradients })
+        let (steps, by_under_way) = (StepBatch::collect(steps), by_under_way.concat());
+        Ok(GradientBatch { steps, regularities, gradients, by_under_way })
     }
 
     /// Calls `job` for each of so many items with a controller that only one thread has, and returns
@@ -162,13 +169,20 @@ impl NmpcBatch {
         let (dims, problem) = (nmpc.model().dims(), nmpc.problem());
         let steps = count("x", at.x, dims.nx)?;
         let window = problem.horizon * problem.tracked.len();
+        let queue = problem.delay * dims.nu;
+        let is_queue = queue > dims.nu && at.u_before.len() == steps * queue;
         let parameters = (!at.parameters.is_empty())
             .then(|| Rows::new("parameters", at.parameters, dims.np, steps));
         Ok(Checked {
             steps,
             x: Rows::new("x", at.x, dims.nx, steps)?,
             reference: Rows::new("reference", at.reference, window, steps)?,
-            u_before: Rows::new("u_before", at.u_before, dims.nu, steps)?,
+            u_before: Rows::new(
+                "u_before",
+                at.u_before,
+                if is_queue { queue } else { dims.nu },
+                steps,
+            )?,
             parameters: parameters.transpose()?,
         })
     }

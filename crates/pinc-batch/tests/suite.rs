@@ -146,6 +146,46 @@ fn gradients_go_through_a_delay() {
     }
 }
 
+/// A controller that goes on by itself knows its inputs under way; steps are given them.
+#[test]
+fn steps_take_all_inputs_under_way() {
+    let make = || {
+        let weights = Weights::uniform(vec![2.0], vec![0.5]);
+        let problem = NmpcProblem {
+            delay: 2,
+            parameters: vec![0.8],
+            ..NmpcProblem::new(Scaled.dims(), 4, weights)
+        };
+        let config = SqpConfig { tolerance: 1e-12, ..SqpConfig::default() };
+        Nmpc::new(problem, Box::new(Scaled), config)
+    };
+    let (mut batch, mut one) = (NmpcBatch::new(1, make).unwrap(), make().unwrap());
+    let (mut x, mut under_way) = ([0.7], vec![0.0; 2]);
+    for _ in 0..5 {
+        let at = Situations { x: &x, reference: &[0.3; 4], u_before: &under_way, parameters: &[] };
+        let u = one.step(&x, &[0.3; 4]).unwrap().u[0];
+        let found = batch.gradients(at, &[1.0], None).unwrap();
+        assert!((found.steps.u[0] - u).abs() < 1e-9, "{} {u}", found.steps.u[0]);
+        for j in 0..2 {
+            let mut moved = |by: f64| {
+                let mut u_before = under_way.clone();
+                u_before[j] += by;
+                batch.steps(Situations { u_before: &u_before, ..at }).unwrap().u[0]
+            };
+            let difference = (moved(1e-5) - moved(-1e-5)) / 2e-5;
+            assert!((found.by_under_way[j] - difference).abs() < 1e-8, "{j}: {difference}");
+        }
+        let sum: f64 = found.by_under_way.iter().sum();
+        assert!((sum - found.gradients[0].get(Given::AppliedInput)[0]).abs() < 1e-14);
+        let acts = under_way.remove(0);
+        under_way.push(u);
+        let before = x;
+        Scaled.step(&before, &[acts], &[0.8], &mut x);
+    }
+    let three = Situations { x: &x, reference: &[0.3; 4], u_before: &[0.0; 3], parameters: &[] };
+    assert!(batch.steps(three).is_err());
+}
+
 #[test]
 fn loops_match_one_controller() {
     let reference = |k: usize| Reference::new([5.0 + 9.0 * spread(k), 10.0].repeat(12), 2).unwrap();

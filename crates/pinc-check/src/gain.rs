@@ -1,5 +1,6 @@
 //! The effect of the inputs at steady state: rank of the static gain, transmission zeros.
 
+use crate::horizon::n2_of;
 use crate::{Finding, LISTED, Subject, short};
 use pinc_analysis::{
     OperatingPoint, StateSpace, TimeScales, TransmissionZeros, common_plane, common_ratio,
@@ -159,8 +160,8 @@ fn of_zeros(subject: &Subject<'_>, place: &str, linear: &StateSpace) -> Vec<Find
                     }
                 ))
                 .change(format!(
-                    "control.n2 of about {steps:.0} or more, a longer T, or control.stages_s that \
-                     become longer"
+                    "{}, or control.stages_s that become longer",
+                    n2_of(steps, format!("control.n2 of about {steps:.0} or more, a longer T"))
                 )),
         ]
     } else {

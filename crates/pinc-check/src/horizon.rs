@@ -3,7 +3,7 @@
 
 use crate::{Finding, Subject, short};
 use pinc_analysis::OperatingPoint;
-use pinc_config::ControlSpec;
+use pinc_config::{ControlSpec, MOST_N2};
 use pinc_ode::Simulator;
 
 /// Local error tolerance: enough to see how far a state moves.
@@ -51,12 +51,24 @@ fn finding(subject: &Subject<'_>, control: &ControlSpec, i: usize, share: f64) -
         }
         None => {
             let needed = (0.5 / share * control.n2 as f64).ceil();
-            ("control.n2", format!("n2 of about {needed:.0}, or a longer T"))
+            ("control.n2", n2_of(needed, format!("n2 of about {needed:.0}, or a longer T")))
         }
     };
     Finding::warning(key, what)
         .because("the controller sees too little of what its inputs do, and becomes timid")
         .change(change)
+}
+
+/// The advice `n2`, to look so many steps ahead, or what is left of it where a config may not.
+pub(crate) fn n2_of(needed: f64, n2: String) -> String {
+    #[expect(clippy::cast_precision_loss, reason = "a few thousand")]
+    let most = MOST_N2 as f64;
+    match needed > most {
+        true => {
+            format!("a T at least {:.1} times as long (n2 is {most} at most)", needed / most + 0.05)
+        }
+        false => n2,
+    }
 }
 
 /// The largest change of the reference of each controlled state, from the start of the loop on.

@@ -2,7 +2,7 @@
 
 use crate::groups::groups;
 use crate::numbers::apart;
-use crate::{Finding, Held, Kept, Subject, short};
+use crate::{Finding, Held, Kept, LEFT_OUT, Subject, short};
 use pinc_analysis::{HeldPoint, OperatingPoint};
 use pinc_config::ControlSpec;
 
@@ -11,6 +11,17 @@ pub(crate) fn examine(subject: &Subject<'_>) -> Vec<Finding> {
         return Vec::new();
     };
     let mut findings = Vec::new();
+    if subject.controlled().is_empty() && !control.controlled.is_empty() {
+        let is_state = |name: &&String| subject.plant.states().iter().all(|s| s.name != **name);
+        let others: Vec<_> =
+            control.controlled.iter().filter(is_state).map(String::as_str).collect();
+        let what = format!(
+            "the steady states of control.references, static gain, transmission zeros and the reach \
+             of inputs within the horizon: these need controlled states, and {} is none",
+            others.join(", ")
+        );
+        findings.push(Finding::fact(LEFT_OUT, what));
+    }
     for Held { first, count, point, kept } in &subject.holds {
         let (place, reference) =
             (format!("control.references[{first}]"), &control.references[*first]);

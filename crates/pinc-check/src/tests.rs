@@ -93,7 +93,23 @@ fn inputs_have_to_make_a_tenth_of_a_change_within_the_horizon() {
     assert_eq!(severity, Warning);
     // A horizon in which they make half of it: 10 * 0.5 / 0.09.
     assert!(change.starts_with("n2 of about 56"), "{change}");
+    // 5128 steps would be needed, and a config may have 5000.
+    let a = -(1.0 - 0.0078 / 3.0_f64).ln() / 40.0;
+    let slow = findings([&format!("{a}*(u - x1)"), "x1 - x2"], &["control.n2=80", "control.nu=10"]);
+    let (_, change) = only(&slow, "can move x1 by 0.0078");
+    assert!(change.starts_with("a T at least 1.1 times as long (n2 is 5000"), "{change}");
     assert!(of(0.11).iter().all(|of| !of.what.contains("of a change of its reference")));
+}
+
+/// What needs controlled states is left out for an output, and this is said.
+#[test]
+fn a_controlled_output_leaves_out_what_needs_states() {
+    let output = ["plant.expression.outputs.level=\"x1\"", "control.controlled=[\"level\"]"];
+    let words = "these need controlled states, and level is none";
+    let found = findings(["u - x1", "x1 - x2"], &output);
+    assert_eq!(only(&found, words).0, Fact);
+    let found = findings(["u - x1", "x1 - x2"], &[]);
+    assert!(found.iter().all(|of| !of.what.contains("these need controlled states")));
 }
 
 /// x1 moves by 1e-6 in a second, in a domain of 4.

@@ -1,7 +1,7 @@
 //! The advice, as a table and a sentence.
 
 use crate::candidate::{Candidate, LONGER};
-use crate::judge::{Score, Standard, Tried};
+use crate::judge::{AS_CHEAP, Score, Standard, Tried};
 use crate::search::{Search, SearchResult};
 use pinc_net::TrainingTarget;
 use pinc_record::decimals;
@@ -185,6 +185,18 @@ impl<'a> Advice<'a> {
                 count => format!("; no {what} is as good, of {count} that were tried."),
             },
         };
+        let cheapest = self.standard.ranking(self.tried).into_iter().next();
+        if let Some((cheapest, of)) =
+            cheapest.filter(|(of, _)| of.candidate != self.winner.candidate)
+        {
+            text += &format!(
+                " The cheapest good model, {}, takes {:.1} us: of those within {:.0} % of it, which \
+                 a measurement does not tell apart, an integrator is preferred, and the most exact.",
+                cheapest.candidate,
+                of.p50_us,
+                100.0 * (AS_CHEAP - 1.0)
+            );
+        }
         if let Some(budget) = self.standard.budget_us
             && !self.standard.is_in_time(score)
         {
@@ -227,6 +239,11 @@ mod tests {
 
     /// What is said of RK4 with 2 substeps, which is as good as with 16.
     fn sentences(change: impl Fn(&mut Score)) -> Vec<String> {
+        sentences_beside(Vec::new(), change)
+    }
+
+    /// The same with `others` beside them.
+    fn sentences_beside(others: Vec<Tried>, change: impl Fn(&mut Score)) -> Vec<String> {
         let tried = |substeps: usize, score: Score| Tried {
             candidate: Candidate::Integrator { integrator: Integrator::Rk4, substeps },
             net: None,
@@ -236,7 +253,7 @@ mod tests {
         };
         let mut cheap = score(100.5, 10.0, 1e-3);
         change(&mut cheap);
-        let all = vec![tried(16, score(100.0, 50.0, 1e-9)), tried(2, cheap)];
+        let all = [vec![tried(16, score(100.0, 50.0, 1e-9)), tried(2, cheap)], others].concat();
         let control = toml::from_str(crate::search::SPEC).unwrap();
         let search =
             Search { control: &control, sources: &[], states: 2, within: 0.01, has_equation: true };
@@ -255,6 +272,22 @@ mod tests {
             proven[1].contains("proven to be wrong by at most 2.5e-3 of the widths"),
             "{proven:?}"
         );
+    }
+
+    /// Beside RK5 with 1 substep, which is cheaper by less than times tell, and less exact.
+    #[test]
+    fn a_model_that_is_not_the_cheapest_has_a_reason() {
+        let cheapest = Tried {
+            candidate: Candidate::Integrator { integrator: Integrator::Rk5, substeps: 1 },
+            net: None,
+            repetitions: 1,
+            place: String::new(),
+            result: Ok(score(100.5, 9.8, 1e-2)),
+        };
+        let said = sentences_beside(vec![cheapest], |_| ()).remove(0);
+        assert!(said.starts_with("Use RK4 with 2 substeps"), "{said}");
+        assert!(said.contains("The cheapest good model, RK5 x1, takes 9.8 us"), "{said}");
+        assert!(said.ends_with("an integrator is preferred, and the most exact."), "{said}");
     }
 
     /// By more than a tenth of its width, whatever the mean over the domain is.

@@ -6,7 +6,7 @@ use pinc_record::Metrics;
 
 /// Loops within this factor of the cheapest control step cost the same, for all that a measurement
 /// of times says.
-const AS_CHEAP: f64 = 1.05;
+pub(crate) const AS_CHEAP: f64 = 1.05;
 
 /// A time is measured over this much of control steps at least, in us.
 const MEASURED_US: f64 = 20_000.0;

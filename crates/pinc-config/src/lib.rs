@@ -89,4 +89,4 @@ pub use uncertainty::{
     FeedbackSpec, FeedbackWord, NetErrorSpec, NetErrorWord, ProbabilitySpec, TubeParts,
     UncertaintySpec, WorstCase,
 };
-pub use validate::limits::{STEPS as MOST_STEPS, THREADS as MOST_THREADS};
+pub use validate::limits::{HORIZON as MOST_N2, STEPS as MOST_STEPS, THREADS as MOST_THREADS};

@@ -41,7 +41,8 @@ pub enum ExportError {
     Estimate(Box<VerifyError>),
     /// A net of a family of plants by itself.
     #[error(
-        "the net takes the parameters {0} as inputs; export the controller of its config, which fixes them"
+        "the net takes the parameters {0} as inputs, which no file of a net alone has: C and FMUs of \
+         its config's controller fix them, and `Model.casadi` of Python takes them"
     )]
     Family(String),
     /// Two variables of an FMU that would have one name.

@@ -90,7 +90,7 @@ pub struct ChannelFit {
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct InputCorrelation {
-    /// The correlation, from -1 to 1.
+    /// The correlation, from -1 to 1; NaN where the input is constant or the rows are too few.
     pub correlation: f64,
     /// How many rows before.
     pub lag: usize,

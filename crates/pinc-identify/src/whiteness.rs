@@ -43,9 +43,8 @@ fn largest(residuals: &[Vec<f64>], inputs: &[Vec<f64>]) -> InputCorrelation {
     let sizes = [residuals, inputs].map(|of| products(of, of, 0).0);
     let scale = sizes[0].sqrt() * sizes[1].sqrt();
     let (_, pairs) = products(residuals, inputs, 0);
-    let none = InputCorrelation { correlation: 0.0, lag: 0, chance: f64::INFINITY };
     if !(scale > 0.0 && pairs > 2 * LAGS) {
-        return none;
+        return InputCorrelation { correlation: f64::NAN, lag: 0, chance: f64::INFINITY };
     }
     // The variance of a correlation of two independent signals, as Bartlett has it.
     let own = |of: &[Vec<f64>], lag| products(of, of, lag).0 / products(of, of, 0).0;
@@ -56,7 +55,7 @@ fn largest(residuals: &[Vec<f64>], inputs: &[Vec<f64>]) -> InputCorrelation {
         let correlation = products(residuals, inputs, lag).0 / scale;
         InputCorrelation { correlation, lag, chance }
     };
-    (0..=LAGS).map(at).fold(none, |a, b| if b.size() > a.size() { b } else { a })
+    (1..=LAGS).map(at).fold(at(0), |a, b| if b.size() > a.size() { b } else { a })
 }
 
 /// The sum of a[k] b[k - lag], without missing values, and how many products it has.
@@ -97,6 +96,15 @@ mod tests {
         assert!((second.correlation + 0.5).abs() < 0.06, "{second:?}");
         // White signals: four over the root of 600.
         assert!((second.chance - 4.0 / 600.0_f64.sqrt()).abs() < 0.03, "{second:?}");
+    }
+
+    /// Forty rows are too few to say anything.
+    #[test]
+    fn too_few_rows_have_no_correlation() {
+        let u: Vec<f64> = (0..40).map(|k| f64::from(k % 7)).collect();
+        let recording = Recording { name: "", u: &u, y: &[] };
+        let found = with_inputs(&[recording], &[u.clone()], 1)[0];
+        assert!(found.correlation.is_nan() && !found.is_significant(), "{found:?}");
     }
 
     /// Two independent signals that drift slowly look correlated, which is chance.

@@ -174,6 +174,7 @@ impl<'a> ClosedLoop<'a> {
     ///
     /// [`MpcError`] if `u` is of the wrong length or not finite.
     pub fn with_initial_input(mut self, u: &[f64]) -> Result<Self, MpcError> {
+        check_finite("u", u, self.acted[0].len())?;
         self.nmpc.reset_input(u)?;
         self.chosen = false;
         self.inputs.chunks_exact_mut(u.len()).for_each(|input| input.copy_from_slice(u));

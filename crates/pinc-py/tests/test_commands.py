@@ -75,6 +75,21 @@ def test_parameters_are_identified_from_files_and_tables() -> None:
     assert found.frame.shape == (8, 7)
 
 
+def test_errors_name_tables_and_not_their_files() -> None:
+    short = {"t": [0.0, 12.0]}
+    with pytest.raises(pinc.InputError, match=r"^data:1: column `\w+` is missing"):
+        pinc.identify(TANKS, short)
+    file = TANKS.with_suffix(".csv")
+    with pytest.raises(pinc.InputError, match=r"^data\[1\]:1: column"):
+        pinc.identify(TANKS, [file, short])
+    with pytest.raises(pinc.InputError, match=r"^validate:1: column"):
+        pinc.identify(TANKS, file, validate=short)
+    with pytest.raises(pinc.InputError, match="data: NoneType given, expected a path, a table"):
+        pinc.identify(TANKS, None)  # type: ignore[arg-type]
+    with pytest.raises(pinc.InputError, match="data: columns of the shapes"):
+        pinc.estimate(RECORDED, {"t": [0.0, 1.0], "u": [0.0]})
+
+
 def test_estimates_match_the_estimator() -> None:
     data = columns(RECORDED.with_suffix(".csv"))
     found = pinc.estimate(RECORDED, data)

@@ -62,10 +62,12 @@ def test_what_an_environment_does_not_have_is_refused(smoke: Path) -> None:
     for key, value in (
         ("delay_steps", 2),
         ("loads", [{"start_s": 0.0, "rates": {"x1": 0.1}}]),
+        ("measured_parameters", ["mu"]),
         ("plant_schedule", [{"start_s": 0.0, "values": {"mu": 1.5}}]),
     ):
+        family = {"domain.parameters": {"mu": [0.5, 1.5]}} if key == "measured_parameters" else {}
         with pytest.raises(pinc.InputError, match=f"control.{key}: given"):
-            LoopEnv(smoke, {f"control.{key}": value})
+            LoopEnv(smoke, {f"control.{key}": value, **family})
     with pytest.raises(pinc.InputError, match="action: shape .2,. given, expected .1,."):
         env = LoopEnv(smoke)
         env.reset()

@@ -113,6 +113,14 @@ pub struct Rk4Errors {
     pub four: f64,
 }
 
+impl Rk4Errors {
+    /// Whether there are any: a black box has none.
+    #[must_use]
+    pub fn are_known(self) -> bool {
+        [self.one, self.two, self.four].iter().any(|error| !error.is_nan())
+    }
+}
+
 impl DomainErrorMetrics {
     /// Summarizes `judged` for a net with these states and parameters.
     ///

@@ -3,6 +3,7 @@
 use crate::csv::decimals;
 use crate::error::RecordError;
 use crate::files::{file, json, read_json};
+use crate::metrics::number_or_null;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::fmt;
@@ -128,7 +129,8 @@ pub struct ResidualMetrics {
 /// The largest correlation of the residuals with an input of some rows before.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct InputCorrelationMetrics {
-    /// The correlation.
+    /// The correlation; NaN where the input is constant or the rows are too few.
+    #[serde(deserialize_with = "number_or_null")]
     pub correlation: f64,
     /// How many rows before.
     pub lag: usize,
@@ -361,6 +363,11 @@ mod tests {
     #[test]
     fn correlations_that_are_not_known_are_not_said() {
         let of = |chance| InputCorrelationMetrics { correlation: 0.25, lag: 3, chance };
+        let unknown = InputCorrelationMetrics { correlation: f64::NAN, ..of(None) };
+        let text = serde_json::to_string(&unknown).unwrap();
+        assert_eq!(text, r#"{"correlation":null,"lag":3,"chance":null}"#);
+        let read: InputCorrelationMetrics = serde_json::from_str(&text).unwrap();
+        assert!(read.correlation.is_nan());
         let inputs = [("u".to_owned(), of(Some(0.5))), ("v".to_owned(), of(None))].into();
         let left = ResidualMetrics { measurements: 9, rms: 1.0, correlation: 0.0, inputs };
         assert_eq!(left.with_inputs(), "u: 0.25 at 3 rows (0.50), v: constant, or too few rows");

@@ -52,8 +52,8 @@ pub use identification::{
     ResidualMetrics, StartMetrics, WorkMetrics,
 };
 pub use metrics::{
-    ControlMetrics, CostMetrics, EstimatorMetrics, Excess, FileNote, FirstPlanMetrics, Metrics,
-    ModelErrorMetrics, OneStepMetrics, OutsideDomain, PredictionMetrics, ReferenceMetrics,
+    ControlMetrics, CostMetrics, DISTILLED, EstimatorMetrics, Excess, FileNote, FirstPlanMetrics,
+    Metrics, ModelErrorMetrics, OneStepMetrics, OutsideDomain, PredictionMetrics, ReferenceMetrics,
     StepErrors, SweepMetrics, TrainingMetrics, TubeMetrics, ValidationMetrics, is_failure,
 };
 pub use provenance::{Invocation, Provenance};

@@ -50,7 +50,7 @@ impl Metrics {
             findings.extend(consistency::findings(estimator, of.steps()));
         }
         for finding in &mut findings {
-            finding.what = format!("With {} {}", of.model.title(), finding.what);
+            finding.what = format!("With {} {}", self.title_of(of.model), finding.what);
         }
         findings
     }
@@ -84,8 +84,8 @@ impl Metrics {
                 let advice = format!(
                     "With {} it does, so {} is not accurate enough there: use a larger net, more \
                      training or more substeps, or a [domain] that holds the loop.",
-                    other.model.title(),
-                    of.model.title()
+                    self.title_of(other.model),
+                    self.title_of(of.model)
                 );
                 Finding::new(what, advice)
             }

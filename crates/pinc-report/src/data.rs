@@ -14,9 +14,6 @@ use pinc_record::{
 use std::io::ErrorKind;
 use std::path::Path;
 
-/// What the report calls a net that was trained on an integrator's steps.
-pub(crate) const DISTILLED: &str = "distilled net";
-
 /// A run directory. What is missing is empty.
 #[derive(Debug)]
 pub(crate) struct Run {
@@ -132,13 +129,8 @@ impl Run {
 
     /// A model's name as the report writes it.
     pub(crate) fn model_name(&self, model: Option<ModelKind>) -> &'static str {
-        match model {
-            Some(ModelKind::Pinc) if self.metrics.as_ref().is_some_and(Metrics::is_distilled) => {
-                DISTILLED
-            }
-            Some(model) => model.title(),
-            None => "controller",
-        }
+        let Some(model) = model else { return "controller" };
+        self.metrics.as_ref().map_or(model.title(), |metrics| metrics.title_of(model))
     }
 
     /// A metric's title with its unit if that is the states'.

@@ -101,14 +101,17 @@ fn over_the_domain(metrics: &Metrics) -> Option<NumberTable> {
     let state = &of.max_of;
     let became =
         format!("{} instead of {}", text::number(of.predicted, 4), text::number(of.truth, 4));
-    let rest = [
+    let mut rest = vec![
         ("Where", of.max_at.named(&metrics.states, &metrics.inputs)),
         ("What is predicted there", format!("{state} = {became}")),
+    ];
+    let rk4 = [
         ("RK4 with 1 substep, root mean square", shown(of.rk4.one)),
         ("RK4 with 2 substeps", shown(of.rk4.two)),
         ("RK4 with 4 substeps", shown(of.rk4.four)),
     ];
-    table.rows.extend(rest.map(|(label, value)| vec![label.to_owned(), value]));
+    rest.extend(rk4.into_iter().filter(|_| of.rk4.are_known()));
+    table.rows.extend(rest.into_iter().map(|(label, value)| vec![label.to_owned(), value]));
     Some(table)
 }
 

@@ -47,14 +47,16 @@ fn validation(validation: &ValidationMetrics) -> String {
 fn over_the_domain(validation: &ValidationMetrics, metrics: &Metrics) -> Option<String> {
     let of = validation.domain_error.as_ref()?;
     let shown = |value| text::number(value, 2);
+    let [one, two, four] = [of.rk4.one, of.rk4.two, of.rk4.four].map(shown);
+    let rk4 = match of.rk4.are_known() {
+        true => format!("; RK4 with 1, 2 and 4 substeps: {one}, {two} and {four}"),
+        false => String::new(),
+    };
     let sampled = format!(
-        "After one step from {} points all over its domain it is off by {} of a state's range (rms; \
-         RK4 with 1, 2 and 4 substeps: {}, {} and {}); the largest error found is {}, at {}.",
+        "After one step from {} points all over its domain it is off by {} of a state's range \
+         (rms{rk4}); the largest error found is {}, at {}.",
         text::count(of.points),
         shown(of.rms),
-        shown(of.rk4.one),
-        shown(of.rk4.two),
-        shown(of.rk4.four),
         shown(of.max),
         of.max_at.named(&metrics.states, &metrics.inputs)
     );

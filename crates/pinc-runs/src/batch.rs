@@ -15,6 +15,7 @@ pub struct BatchController {
     variables: Variables,
     kind: ModelKind,
     plant: Simulator,
+    parameter_names: Vec<String>,
     /// What the config's loop has and a loop of a batch does not.
     without: Option<&'static str>,
     command: &'static str,
@@ -58,6 +59,7 @@ impl BatchController {
             plant: Simulator::new(setup.truth, spec.plant_tolerance),
             variables: Variables::of(&*chosen.plant),
             kind: chosen.kind,
+            parameter_names: chosen.names_of_parameters(),
             without: first([
                 ("control.estimator", setup.sections().is_some()),
                 ("control.plant", spec.plant.is_some()),
@@ -98,6 +100,12 @@ impl BatchController {
         self.kind
     }
 
+    /// The names of the model's parameters p; with an estimator those of its unknowns.
+    #[must_use]
+    pub fn parameter_names(&self) -> &[String] {
+        &self.parameter_names
+    }
+
     /// The plant's variables.
     #[must_use]
     pub fn variables(&self) -> &Variables {
@@ -115,8 +123,8 @@ impl BatchController {
     ///
     /// # Errors
     ///
-    /// [`RunError::Usage`] if the config has an estimator, loads, or a plant that is not always the
-    /// models', and the errors of [`NmpcBatch::loops`].
+    /// [`RunError::Usage`] if the config has an estimator, measured parameters, loads, or a plant that
+    /// is not always the models', and the errors of [`NmpcBatch::loops`].
     pub fn loops(
         &mut self,
         x: &[f64],

@@ -2,7 +2,7 @@
 
 use super::{LoopSetup, Schedules, matching_model, proof};
 use crate::RunError;
-use pinc_config::{ControlSpec, Experiment, LoopParameters, ModelKind, OutsidePolicy};
+use pinc_config::{ControlSpec, Experiment, LoopParameters, ModelKind, OutsidePolicy, Variables};
 use pinc_mpc::Scenarios;
 use pinc_net::PincNet;
 use pinc_ode::DynPlant;
@@ -151,6 +151,13 @@ impl<'e> Chosen<'e> {
     /// Whether the net, where it is the model, is not to be used outside the box of its training.
     pub(super) fn refuses_outside(&self) -> bool {
         self.given.is_some() && self.spec.outside_domain == OutsidePolicy::Refuse
+    }
+
+    /// The names of the parameters of the controller's model: with an estimator all unknowns.
+    pub(super) fn names_of_parameters(&self) -> Vec<String> {
+        let setup = self.setup();
+        let Some((spec, of)) = setup.sections() else { return self.parameter_names.clone() };
+        spec.names(&of, &Variables::of(&*self.plant)).split_off(self.plant.states().len())
     }
 
     /// The names of the model's parameters.

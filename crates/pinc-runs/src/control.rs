@@ -11,7 +11,7 @@ use pinc_check::{Metered, Rehearsal, Work};
 use pinc_config::{ControlSpec, Experiment, HorizonPlants, ModelKind, Schedule, Variables};
 use pinc_loop::{ClosedLoop, Violation};
 use pinc_mpc::{BoundSchedule, Bounded, Nmpc, NmpcProblem, Reference, Scenarios};
-use pinc_net::PincNet;
+use pinc_net::{PincNet, TrainingTarget};
 use pinc_ode::{
     Dims, DynPlant, DynRhs, Integrator, PiecewiseConstant, Scheme, Simulator, Trajectory,
 };
@@ -93,7 +93,8 @@ pub(crate) fn stage(
     if done.eq(setup.kinds.iter().copied()) {
         return Ok(());
     }
-    run_dir.update(|all| all.control.clear())?;
+    let distilled = setup.net.is_some_and(|net| net.source() == TrainingTarget::Integrator);
+    run_dir.update(|all| (all.control, all.distilled) = (Vec::new(), distilled))?;
     run_dir.remove_loops()?;
     for &kind in setup.kinds {
         let metrics = run_model(plant, setup, kind, options, run_dir)?;

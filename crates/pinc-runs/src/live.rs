@@ -29,8 +29,9 @@ pub struct LiveController {
     /// The estimated errors of the net, where they are asked for.
     error_log: Option<SharedLog>,
     error: Vec<f64>,
-    /// The p of the model, and the places in it of those that are measured.
+    /// The p of the model with their names, and the places in it of those that are measured.
     parameters: Vec<f64>,
+    parameter_names: Vec<String>,
     measured_parameters: Vec<usize>,
     kind: ModelKind,
     /// The digest of the net's model file.
@@ -58,8 +59,7 @@ struct LiveEstimator {
     target: Option<SteadyTarget>,
     augmentation: Augmentation,
     measured: Vec<String>,
-    /// The disturbances and parameters, with their names.
-    names: Vec<String>,
+    /// The disturbances and parameters.
     unknowns: Vec<f64>,
     status: EstimatorStatus,
     /// The covariance of the state.
@@ -140,6 +140,7 @@ impl LiveController {
             error: vec![0.0; error_log.as_ref().map_or(0, |_| dims.nx)],
             error_log,
             parameters: chosen.parameters.clone(),
+            parameter_names: chosen.names_of_parameters(),
             measured_parameters: chosen.measured.clone(),
             kind: chosen.kind,
             model_sha256: chosen.given.as_ref().map(|(bytes, _)| sha256(bytes)),
@@ -268,7 +269,13 @@ impl LiveController {
     /// The names of the disturbances and parameters that are estimated.
     #[must_use]
     pub fn unknowns(&self) -> &[String] {
-        self.observer.as_ref().map_or(&[], |observer| &observer.names)
+        self.observer.as_ref().map_or(&[], |_| &self.parameter_names)
+    }
+
+    /// The names of the model's parameters p; with an estimator those of its unknowns.
+    #[must_use]
+    pub fn parameter_names(&self) -> &[String] {
+        &self.parameter_names
     }
 
     /// The most numbers that a step takes, measurements, a reference per stage, an input, and
@@ -499,8 +506,7 @@ impl LiveEstimator {
         let Some((spec, measurement)) = setup.sections() else { return Ok(None) };
         let augmentation = setup.augmentation(spec, &measurement, plant);
         let model = setup.model(kind, plant)?;
-        let variables = Variables::of(plant);
-        let names = spec.names(&measurement, &variables).split_off(plant.states().len());
+        let (variables, unknowns) = (Variables::of(plant), augmentation.unknowns(model.dims()));
         Ok(Some(Self {
             estimator: feedback::estimator(
                 (setup.spec, spec),
@@ -511,8 +517,7 @@ impl LiveEstimator {
             target: setup.target(kind, plant)?,
             augmentation,
             measured: measurement.names(&variables),
-            unknowns: vec![0.0; names.len()],
-            names,
+            unknowns: vec![0.0; unknowns],
             status: EstimatorStatus::NothingMeasured,
             covariance: Vec::new(),
         }))

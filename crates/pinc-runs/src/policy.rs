@@ -67,6 +67,7 @@ pub(super) fn read(
 ) -> Result<PolicyNet, RunError> {
     for (key, is_there) in [
         ("control.estimator", spec.estimator.is_some()),
+        ("control.measured_parameters", !spec.measured_parameters.is_empty()),
         ("control.bound_schedule", !spec.bound_schedule.is_empty()),
     ] {
         if is_there {

@@ -1,9 +1,8 @@
 //! The short table at the end of a run.
 
 use pinc_config::ModelKind;
-use pinc_net::TrainingTarget;
 use pinc_record::metric::{self, Metric, Show};
-use pinc_record::{Metrics, RunDir, file};
+use pinc_record::{Metrics, Rk4Errors, RunDir, file};
 use std::fmt::{Display, Write};
 
 /// The metrics of a run, and where its report is, for reading.
@@ -41,9 +40,16 @@ fn metrics(text: &mut String, metrics: &Metrics) -> std::fmt::Result {
         writeln!(
             text,
             "domain      one step in [domain], in widths: sampled rms {:.1e}, p99 {:.1e}; largest found \
-             {:.1e} at {place}\n            rms of RK4 there: x1 {:.1e}, x2 {:.1e}, x4 {:.1e}",
-            of.rms, of.p99, of.max, of.rk4.one, of.rk4.two, of.rk4.four
+             {:.1e} at {place}",
+            of.rms, of.p99, of.max
         )?;
+        if of.rk4.are_known() {
+            let Rk4Errors { one, two, four } = of.rk4;
+            writeln!(
+                text,
+                "            rms of RK4 there: x1 {one:.1e}, x2 {two:.1e}, x4 {four:.1e}"
+            )?;
+        }
         let proven = of.proven.to_string();
         if !proven.is_empty() {
             writeln!(text, "            {proven}")?;
@@ -91,10 +97,8 @@ fn metrics(text: &mut String, metrics: &Metrics) -> std::fmt::Result {
         cells.collect()
     };
     writeln!(text, "closed loop {}   status", row(&|_, head, _| head.to_owned()))?;
-    let distilled =
-        metrics.training.as_ref().is_some_and(|t| t.source == TrainingTarget::Integrator);
     for run in &metrics.control {
-        let model = match distilled && run.model == ModelKind::Pinc {
+        let model = match metrics.is_distilled() && run.model == ModelKind::Pinc {
             true => "distilled",
             false => run.model.name(),
         };

@@ -20,7 +20,7 @@ const WEIGHTS: usize = 10_000_000;
 /// Weights and biases for which an optimizer may hold a full matrix.
 const FULL_MATRIX_WEIGHTS: usize = 20_000;
 /// Steps of the horizon.
-const HORIZON: usize = 5000;
+pub const HORIZON: usize = 5000;
 /// Numbers in the matrices of a condensed program.
 const CONDENSED: usize = 50_000_000;
 /// Times of control steps that are held in memory.

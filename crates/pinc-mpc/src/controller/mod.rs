@@ -236,7 +236,7 @@ impl Nmpc {
     ///
     /// # Shapes
     ///
-    /// `x`: `n`; `u_applied`: `m`.
+    /// `x`: `n`; `u_applied`: as of [`Nmpc::reset_input`].
     ///
     /// # Errors
     ///
@@ -253,19 +253,20 @@ impl Nmpc {
     ///
     /// # Shapes
     ///
-    /// `u_applied`: `m`.
+    /// `u_applied`: `m`; or `[delay, m]`, what is under way, the next to act first.
     ///
     /// # Errors
     ///
     /// [`MpcError`] if `u_applied` is of the wrong length or not finite; nothing has happened then.
     pub fn reset_input(&mut self, u_applied: &[f64]) -> Result<(), MpcError> {
-        check_finite("u_applied", u_applied, self.dims.nu)?;
+        let (m, given) = (self.dims.nu, u_applied.len());
+        let is_queue = given > m && given == self.pending.len();
+        check_finite("u_applied", u_applied, if is_queue { given } else { m })?;
         self.reset();
-        self.previous.copy_from_slice(u_applied);
-        for u in self.pending.chunks_exact_mut(self.dims.nu) {
-            u.copy_from_slice(u_applied);
-        }
-        self.plan.hold(u_applied);
+        let last = &u_applied[given - m..];
+        self.previous.copy_from_slice(last);
+        self.pending.chunks_exact_mut(given).for_each(|u| u.copy_from_slice(u_applied));
+        self.plan.hold(last);
         self.guess = Guess::Held;
         Ok(())
     }

@@ -1,6 +1,7 @@
 """What the program ``pinc`` does, as functions."""
 
 import json
+import os
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -10,6 +11,7 @@ from typing import Any, Optional, Union
 
 from . import _native, _results, _tables
 from ._config import Config
+from ._errors import InputError, PincError
 from ._results import Certificate, Choice, Estimates, Findings, Identification, Shrunk, Tuning
 from ._runs import Run
 from ._tables import FilePath
@@ -33,27 +35,44 @@ class _Common:
 
 
 @contextmanager
-def _files(model: GivenModel = None, data: Sequence[Any] = ()) -> Iterator[tuple[Any, list[Any]]]:
-    """Files of a model and of tables, where they are not files already."""
+def _files(
+    model: GivenModel = None, data: Optional[Mapping[str, Any]] = None
+) -> Iterator[tuple[Any, list[Any]]]:
+    """Files of a model and of tables by their names, where they are not files already; errors have
+    these names in place of the files."""
+    names = {}
     with TemporaryDirectory(prefix="pinc-") as directory:
         if isinstance(model, _native.Model):
             path = Path(directory) / "model.safetensors"
             model.save(path)
-            model = path
+            model, names[str(path)] = path, "model"
         paths = []
-        for number, one in enumerate(data):
+        for number, (name, one) in enumerate((data or {}).items()):
             if hasattr(one, "keys"):
                 path = Path(directory) / f"data-{number}.csv"
-                _tables.write(one, path)
-                one = path
+                _tables.write(one, path, name)
+                one, names[str(path)] = path, name
+            elif not isinstance(one, (str, os.PathLike)):
+                found = type(one).__name__
+                raise InputError(f"{name}: {found} given, expected a path, a table or a data frame")
             paths.append(one)
-        yield model, paths
+        try:
+            yield model, paths
+        except PincError as error:
+            text = str(error)
+            for file, told in names.items():
+                text = text.replace(file, told)
+            if text == str(error):
+                raise
+            raise type(error)(text) from None
 
 
-def _listed(data: Any) -> Sequence[Any]:
-    """Recordings, of which there may be one."""
-    is_one = isinstance(data, (str, Path)) or hasattr(data, "keys")
-    return data if isinstance(data, Sequence) and not is_one else [data]
+def _listed(data: Any, name: str) -> dict[str, Any]:
+    """Recordings by their names; there may be one."""
+    is_one = isinstance(data, str) or hasattr(data, "keys")
+    if is_one or not isinstance(data, Sequence):
+        return {name: data}
+    return {f"{name}[{number}]": one for number, one in enumerate(data)}
 
 
 def run(
@@ -192,8 +211,8 @@ def identify(
     all have bounds, otherwise 1. Recordings of ``validate`` are not fitted to: the result says how
     well it predicts them. Results are in ``out``, by default ``runs/<name>-identify``.
     """
-    listed, held_out = _listed(data), _listed(validate)
-    with _files(model, [*listed, *held_out]) as (path, files):
+    listed, held_out = _listed(data, "data"), _listed(validate, "validate")
+    with _files(model, {**listed, **held_out}) as (path, files):
         common = _Common(config, overrides, path, only, out, verbose=verbose)
         count = len(listed)
         directory, found = _native.identify_into(common, files[:count], files[count:], starts)
@@ -211,7 +230,7 @@ def estimate(
 
     ``data`` is as of ``identify``, with a row per step of T. ``Estimator`` is the same step by step.
     """
-    with TemporaryDirectory(prefix="pinc-") as directory, _files(model, [data]) as (path, files):
+    with TemporaryDirectory(prefix="pinc-") as directory, _files(model, {"data": data}) as (path, files):
         out = Path(directory) / "estimates.csv"
         found = _native.estimate_into(_Common(config, overrides, path, only, out), files[0])
         return Estimates(_tables.read(out), **found)
@@ -240,7 +259,7 @@ def certify(
     goes on with an earlier proof. Results are in ``out``, by default ``runs/<name>-certify``.
     """
     judged = run.path if isinstance(run, Run) else run
-    with _files(model, [] if data is None else [data]) as (path, files):
+    with _files(model, {} if data is None else {"data": data}) as (path, files):
         common = _Common(config, overrides, path, only, out, resume, verbose)
         table = files[0] if files else None
         found = _native.certify_into(common, points, table, judged, domain, budget_s)

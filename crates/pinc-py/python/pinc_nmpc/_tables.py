@@ -34,12 +34,12 @@ def frame(table: Mapping[str, Any]) -> "pandas.DataFrame":
     return pandas.DataFrame(table)
 
 
-def write(table: Any, path: Path) -> None:
-    """Writes a table, or a data frame, as CSV; NaN is an empty cell."""
+def write(table: Any, path: Path, name: str) -> None:
+    """Writes a table, or a data frame, as CSV; NaN is an empty cell. Errors call it ``name``."""
     columns = {str(name): _numbers(table[name]) for name in table}
     lengths = {column.shape for column in columns.values()}
     if len(lengths) != 1 or len(next(iter(lengths))) != 1:
-        raise InputError(f"data: columns of the shapes {sorted(lengths)} given, expected one length")
+        raise InputError(f"{name}: columns of the shapes {sorted(lengths)} given, expected one length")
     with open(path, "w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file)
         writer.writerow(columns)

@@ -59,7 +59,7 @@ class LoopEnv(gymnasium.Env[_Array, _Array]):
             raise InputError("the config has no section [control], which an environment needs")
         if "cost" in control:
             raise InputError("control.cost: an environment has the costs q and r")
-        for key in ("delay_steps", "loads", "plant_schedule", "measured_parameters"):
+        for key in ("delay_steps", "loads", "measured_parameters", "plant_schedule"):
             if control.get(key):
                 raise InputError(f"control.{key}: given, but an environment has none")
         self._q, self._r = np.array(control["q"]), np.array(control["r"])

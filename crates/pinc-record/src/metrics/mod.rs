@@ -50,6 +50,9 @@ pub struct Metrics {
     /// The free run.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub prediction: Option<PredictionMetrics>,
+    /// Whether the net in the loops was trained on an integrator's steps.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub distilled: bool,
     /// The closed loops.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub control: Vec<ControlMetrics>,
@@ -60,6 +63,9 @@ pub struct Metrics {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub sweep: Option<SweepMetrics>,
 }
+
+/// The title of a net that was trained on an integrator's steps.
+pub const DISTILLED: &str = "distilled net";
 
 impl Metrics {
     /// No results yet of `experiment`.
@@ -80,6 +86,7 @@ impl Metrics {
             training: None,
             validation: None,
             prediction: None,
+            distilled: false,
             control: Vec::new(),
             one_step: Vec::new(),
             sweep: None,
@@ -121,7 +128,17 @@ impl Metrics {
     /// Whether the net was trained on an integrator's steps.
     #[must_use]
     pub fn is_distilled(&self) -> bool {
-        self.training.as_ref().is_some_and(|t| t.source == TrainingTarget::Integrator)
+        let is_trained = |t: &TrainingMetrics| t.source == TrainingTarget::Integrator;
+        self.distilled || self.training.as_ref().is_some_and(is_trained)
+    }
+
+    /// The title of a model in the loops, which tells distilled nets from others.
+    #[must_use]
+    pub fn title_of(&self, model: ModelKind) -> &'static str {
+        match self.is_distilled() && model == ModelKind::Pinc {
+            true => DISTILLED,
+            false => model.title(),
+        }
     }
 }
 

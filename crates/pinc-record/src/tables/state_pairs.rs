@@ -14,7 +14,7 @@ pub enum Pair {
     Errors,
     /// `plans.csv`: the least and the greatest value that a plan expects, `<state>_low` and
     /// `<state>_high`. A plan begins at the measured state, or with NaN where it begins later, and
-    /// a row of NaN follows it.
+    /// a row of NaN, as empty cells, follows it.
     Range,
 }
 
@@ -58,7 +58,8 @@ impl StatePairs {
         for row in &self.rows {
             let [first, second] = &row.values;
             let pairs = first.iter().zip(second).flat_map(|(a, b)| [a, b]);
-            table.push_numbers([&row.t].into_iter().chain(pairs));
+            let cell = |of: &f64| if of.is_nan() { String::new() } else { format!("{of:?}") };
+            table.push([&row.t].into_iter().chain(pairs).map(cell));
         }
         table
     }
@@ -104,6 +105,13 @@ mod tests {
         assert_eq!(StatePairs::read(&path, Pair::Errors).unwrap(), Some(table));
         let text = std::fs::read_to_string(&path).unwrap();
         assert!(text.starts_with("t,x_err,x_true_err,v_err,v_true_err\n0.0,"), "{text}");
+        let nothing = PairRow { t: 0.9, values: [vec![f64::NAN], vec![f64::NAN]] };
+        let table =
+            StatePairs { of: Pair::Range, states: vec!["x".to_owned()], rows: vec![nothing] };
+        assert_eq!(table.to_csv().as_bytes(), b"t,x_low,x_high\n0.9,,\n");
+        std::fs::write(&path, table.to_csv().as_bytes()).unwrap();
+        let read = StatePairs::read(&path, Pair::Range).unwrap().unwrap();
+        assert!(read.rows[0].values[1][0].is_nan());
         std::fs::write(&path, "t,x_true_err\n1,2\n").unwrap();
         let message = StatePairs::read(&path, Pair::Errors).unwrap_err().to_string();
         assert!(message.contains("no column `x_err`"), "{message}");

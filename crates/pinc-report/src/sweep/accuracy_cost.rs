@@ -1,6 +1,6 @@
 //! Accuracy against cost of the models of a sweep with `[one_step]`, each a dot.
 
-use crate::data::{DISTILLED, Run};
+use crate::data::Run;
 use crate::number_tables::NumberTable;
 use crate::picture::Picture;
 use crate::trials::{Cell, Trials};
@@ -10,6 +10,7 @@ use pinc_chart::{
 };
 use pinc_config::ModelKind;
 use pinc_net::TrainingTarget;
+use pinc_record::DISTILLED;
 use pinc_record::metric::{self, Metric};
 
 /// A loop counts as good if its IAE is at most this much above the most exact model's.

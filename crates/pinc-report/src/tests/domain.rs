@@ -51,6 +51,21 @@ fn a_net_that_is_wrong_in_a_corner_is_shown_there_and_warned_of() {
     }
 }
 
+/// RK4 cannot step a black box.
+#[test]
+fn a_net_of_a_black_box_is_compared_with_no_integrator() {
+    let dir = with_domain_error();
+    assert!(build(dir.path()).unwrap().contains("RK4 with 1, 2 and 4 substeps"));
+    let metrics = std::fs::read_to_string(dir.path().join("metrics.json")).unwrap();
+    let none = metrics.replace(
+        r#"{ "1": 0.5, "2": 3.5e-2, "4": null }"#,
+        r#"{ "1": null, "2": null, "4": null }"#,
+    );
+    write(&dir, "metrics.json", &none);
+    let html = build(dir.path()).unwrap();
+    assert!(!html.contains("4 substeps"), "{html}");
+}
+
 #[test]
 fn errors_that_are_no_numbers_are_hatched() {
     let dir = with_domain_error();

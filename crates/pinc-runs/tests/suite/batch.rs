@@ -6,10 +6,13 @@ use pinc_runs::{BatchController, ModelFile};
 use std::path::Path;
 
 fn batch(sets: &[&str]) -> Result<BatchController, String> {
+    batch_of("configs/van-der-pol/control.toml", sets)
+}
+
+fn batch_of(config: &str, sets: &[&str]) -> Result<BatchController, String> {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
     let sets: Vec<String> = sets.iter().map(|&set| set.to_owned()).collect();
-    let config = root.join("configs/van-der-pol/control.toml");
-    let experiment = Experiment::load(&config, &sets, &Plants::built_in()).unwrap();
+    let experiment = Experiment::load(&root.join(config), &sets, &Plants::built_in()).unwrap();
     BatchController::new(&experiment, None, Some(ModelKind::RK4), 1, "the test")
         .map_err(|error| error.to_string())
 }
@@ -44,6 +47,17 @@ fn what_a_batch_does_not_have_is_refused() {
         let error = batch.loops(&[0.5, 0.1], &references, &[0.0]).unwrap_err().to_string();
         assert!(error.contains(&format!("`{key}`")), "{error}");
     }
+}
+
+/// `pinc control` tells the controller what is measured; loops of a batch would keep the first values.
+#[test]
+fn loops_of_a_batch_refuse_measured_parameters() {
+    let sets = ["domain.parameters.mu=[0.5,1.5]", "control.measured_parameters=[\"mu\"]"];
+    let mut batch = batch_of("configs/smoke/van-der-pol.toml", &sets).unwrap();
+    assert_eq!(batch.parameter_names(), ["mu"]);
+    let references = [Reference::new(vec![0.0; 20], 2).unwrap()];
+    let error = batch.loops(&[0.5, 0.1], &references, &[0.0]).unwrap_err().to_string();
+    assert!(error.contains("`control.measured_parameters`"), "{error}");
 }
 
 /// Steps of a batch do not look whether a net leaves its domain.

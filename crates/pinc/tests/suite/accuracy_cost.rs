@@ -36,6 +36,14 @@ fn a_distilled_net_is_called_so_and_asked_at_step_marks_only() {
     assert!(metrics.contains(r#""source": "integrator""#));
     let report = fs::read_to_string(run_dir.join("report.html")).unwrap();
     assert!(report.contains("distilled net") && !report.contains("with PINC"));
+    // The loop of the net that was trained.
+    let (config, model) = (run_dir.join("config.toml"), run_dir.join("model.safetensors"));
+    let (alone, out) = (dir.path().join("alone"), |path: &Path| path.to_str().unwrap().to_owned());
+    let arguments = ["control", &out(&config), "--model", &out(&model), "--out", &out(&alone)];
+    let printed = outcome(&mut pinc(&arguments)).stdout;
+    assert!(printed.contains("\n  distilled ") && !printed.contains("\n  pinc "), "{printed}");
+    let report = fs::read_to_string(alone.join("report.html")).unwrap();
+    assert!(report.contains("distilled net") && !report.contains("with PINC"));
     // 100 s in steps of 10 s, and the initial state.
     let marks = column(&run_dir.join("prediction.csv"), "mark");
     assert_eq!(marks, ["1"; 11]);

@@ -458,3 +458,34 @@ fn a_plant_whose_gain_has_another_sign_is_named() {
     let found = cart(&[&schedule(0.5)]);
     assert!(found.iter().all(|f| !f.what.contains("another sign")), "{found:?}");
 }
+
+/// A cart is at rest at every position, also where its loop keeps a speed, at no steady state.
+#[test]
+fn a_cart_has_steady_states() {
+    let text = r#"
+        name = "cart"
+        preset = "ours"
+        seed = 1
+        [plant.expression]
+        states = ["position", "speed"]
+        inputs = ["F"]
+        derivatives = { position = "speed", speed = "F - 0.5*speed" }
+        [control]
+        step_s = 0.5
+        duration_s = 15.0
+        initial_state = [0.0, 0.0]
+        controlled = ["speed"]
+        n2 = 10
+        nu = 4
+        q = [1.0]
+        r = [0.1]
+        input_low = [-2.0]
+        input_high = [2.0]
+        models = ["rk4"]
+        references = [{ start_s = 0.0, value = [1.0] }]
+        "#;
+    let plants = Plants::built_in();
+    let findings = check(&Experiment::parse("cart.toml".as_ref(), text, &[], &plants).unwrap());
+    with(&findings, &["speed = 1 is kept by the closed loop"]);
+    assert!(findings.iter().all(|f| !f.what.contains("no steady state")), "{findings:#?}");
+}
