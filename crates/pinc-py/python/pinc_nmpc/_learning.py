@@ -33,14 +33,22 @@ def _gradients(
     return [array.reshape(like.shape) for like, array in zip(given, arrays)]
 
 
+def _of_each(batch: "NmpcBatch", points: int, shape: Any) -> tuple[int, ...]:
+    """The shape of ``u_before`` with what is given for one point repeated for each."""
+    of_one = 1 if batch.delay_steps < 2 else 2
+    return (points, *shape[-of_one:])
+
+
 def torch_policy(batch: "NmpcBatch", smoothing: Optional[float] = None) -> Callable[..., Any]:
     """The controller as a function of PyTorch tensors, ``u = policy(x, reference, u_before,
     parameters=None)``, with gradients in all of them. Needs the package torch.
 
     ``x`` is ``(points, n)``; ``reference`` ``(outputs,)``, ``(points, outputs)`` or ``(points,
-    horizon, outputs)``; ``u_before`` ``(m,)`` or ``(points, m)``; ``parameters`` ``(np,)`` or
-    ``(points, np)``. The result is ``(points, m)``. With ``smoothing`` the gradients are those of
-    the smoothed plan. Where a plan is not optimal the backward pass warns.
+    horizon, outputs)``; ``u_before`` ``(m,)`` or ``(points, m)``, from ``control.delay_steps = 2`` on
+    all inputs under way, the next to act first, ``(delay, m)`` or ``(points, delay, m)``;
+    ``parameters``, those that ``batch.parameters`` names, ``(np,)`` or ``(points, np)``. The result is
+    ``(points, m)``. With ``smoothing`` the
+    gradients are those of the smoothed plan. Where a plan is not optimal the backward pass warns.
     """
     try:
         import torch
@@ -67,7 +75,7 @@ def torch_policy(batch: "NmpcBatch", smoothing: Optional[float] = None) -> Calla
         points = x.shape[0]
         if reference.dim() < 3:
             reference = reference.expand(points, -1).unsqueeze(1).expand(-1, batch.horizon, -1)
-        given = [x, reference, u_before.expand(points, -1)]
+        given = [x, reference, u_before.expand(_of_each(batch, points, u_before.shape))]
         if parameters is not None:
             given.append(parameters.expand(points, -1))
         return Policy.apply(*given)
@@ -117,7 +125,7 @@ def jax_policy(batch: "NmpcBatch", smoothing: Optional[float] = None) -> Callabl
             width = reference.shape[-1]
             held = jnp.broadcast_to(reference, (points, width))[:, None, :]
             reference = jnp.broadcast_to(held, (points, batch.horizon, width))
-        given = [x, reference, jnp.broadcast_to(u_before, (points, u_before.shape[-1]))]
+        given = [x, reference, jnp.broadcast_to(u_before, _of_each(batch, points, u_before.shape))]
         if parameters is not None:
             given.append(jnp.broadcast_to(parameters, (points, parameters.shape[-1])))
         return inputs(*given)
