@@ -263,6 +263,32 @@ def test_gradients_in_references_have_their_shape(smoke: Path, batch: pinc.NmpcB
     assert moved == pytest.approx(by_reference.sum())
 
 
+def test_policies_take_whole_numbers(batch: pinc.NmpcBatch) -> None:
+    u = batch.steps([[0.0, 0.0]], [0.3, 0.0]).u
+    assert abs(u[0, 0]) > 0.05
+    jax = pytest.importorskip("jax")
+    jax.config.update("jax_enable_x64", True)
+    whole = pinc.jax_policy(batch)(np.array([[0, 0]]), np.array([0.3, 0.0]), np.array([0]))
+    assert np.allclose(whole, u)
+    torch = pytest.importorskip("torch")
+    policy = pinc.torch_policy(batch)
+    whole = policy(torch.tensor([[0, 0]]), torch.tensor([0.3, 0.0]), torch.tensor([0]))
+    assert np.allclose(whole.numpy(), u, atol=1e-6)
+
+
+def test_jax_maps_a_policy(batch: pinc.NmpcBatch) -> None:
+    jax = pytest.importorskip("jax")
+    jax.config.update("jax_enable_x64", True)
+    policy = pinc.jax_policy(batch)
+    x, reference, before = states(3), np.array([0.1, 0.0]), np.zeros(1)
+    found = batch.gradients(x, reference, [1.0], before).values["state"]
+    jacobian = jax.jacrev(lambda x: policy(x, reference, before))(x)
+    for k in range(3):
+        assert np.allclose(jacobian[k, 0, k], found[k])
+    mapped = jax.vmap(lambda x: policy(x[None], reference, before)[0])(x)
+    assert np.allclose(mapped, batch.steps(x, reference, before).u)
+
+
 def test_torch_learns_a_reference_from_the_cost_of_a_loop(batch: pinc.NmpcBatch) -> None:
     """Steps through the controller: the set point that brings the first input to 0.1."""
     torch = pytest.importorskip("torch")

@@ -47,8 +47,9 @@ def torch_policy(batch: "NmpcBatch", smoothing: Optional[float] = None) -> Calla
     horizon, outputs)``; ``u_before`` ``(m,)`` or ``(points, m)``, from ``control.delay_steps = 2`` on
     all inputs under way, the next to act first, ``(delay, m)`` or ``(points, delay, m)``;
     ``parameters``, those that ``batch.parameters`` names, ``(np,)`` or ``(points, np)``. The result is
-    ``(points, m)``. With ``smoothing`` the
+    ``(points, m)``. Whole numbers count as numbers of the default precision. With ``smoothing`` the
     gradients are those of the smoothed plan. Where a plan is not optimal the backward pass warns.
+    Differentiate by ``backward`` or ``torch.autograd``: ``torch.func`` cannot transform it.
     """
     try:
         import torch
@@ -78,14 +79,15 @@ def torch_policy(batch: "NmpcBatch", smoothing: Optional[float] = None) -> Calla
         given = [x, reference, u_before.expand(_of_each(batch, points, u_before.shape))]
         if parameters is not None:
             given.append(parameters.expand(points, -1))
-        return Policy.apply(*given)
+        real = torch.get_default_dtype()
+        return Policy.apply(*(one if one.is_floating_point() else one.to(real) for one in given))
 
     return policy
 
 
 def jax_policy(batch: "NmpcBatch", smoothing: Optional[float] = None) -> Callable[..., Any]:
-    """``torch_policy`` for JAX: a function that can be jitted and differentiated in reverse mode.
-    Needs the package jax; for all digits, ``jax.config.update("jax_enable_x64", True)``.
+    """``torch_policy`` for JAX: a function that can be jitted, mapped by ``vmap`` and differentiated in
+    reverse mode, once. Needs the package jax; for all digits, ``jax.config.update("jax_enable_x64", True)``.
     """
     try:
         import jax
@@ -98,12 +100,16 @@ def jax_policy(batch: "NmpcBatch", smoothing: Optional[float] = None) -> Callabl
             found = function(*(np.asarray(array, dtype=np.float64) for array in arrays))
             return jax.tree.map(lambda array, like: array.astype(like.dtype), found, shapes)
 
-        return jax.pure_callback(on_arrays, shapes, *given)
+        return jax.pure_callback(on_arrays, shapes, *given, vmap_method="sequential")
 
     def chosen(*given: Any) -> Any:
         x = given[0]
         shape = jax.ShapeDtypeStruct((x.shape[0], len(batch.inputs)), x.dtype)
         return call(lambda *arrays: _inputs(batch, list(arrays)), shape, *given)
+
+    def real(given: Any) -> Any:
+        given = jnp.asarray(given)
+        return given if jnp.issubdtype(given.dtype, jnp.floating) else given.astype(float)
 
     inputs: Any = jax.custom_vjp(chosen)
 
@@ -120,6 +126,7 @@ def jax_policy(batch: "NmpcBatch", smoothing: Optional[float] = None) -> Callabl
     inputs.defvjp(forward, backward)
 
     def policy(x: Any, reference: Any, u_before: Any, parameters: Any = None) -> Any:
+        x, reference, u_before = (real(one) for one in (x, reference, u_before))
         points = x.shape[0]
         if reference.ndim < 3:
             width = reference.shape[-1]
@@ -127,6 +134,7 @@ def jax_policy(batch: "NmpcBatch", smoothing: Optional[float] = None) -> Callabl
             reference = jnp.broadcast_to(held, (points, batch.horizon, width))
         given = [x, reference, jnp.broadcast_to(u_before, _of_each(batch, points, u_before.shape))]
         if parameters is not None:
+            parameters = real(parameters)
             given.append(jnp.broadcast_to(parameters, (points, parameters.shape[-1])))
         return inputs(*given)
 
