@@ -103,7 +103,7 @@ mod tests {
     fn too_few_rows_have_no_correlation() {
         let u: Vec<f64> = (0..40).map(|k| f64::from(k % 7)).collect();
         let recording = Recording { name: "", u: &u, y: &[] };
-        let found = with_inputs(&[recording], &[u.clone()], 1)[0];
+        let found = with_inputs(&[recording], std::slice::from_ref(&u), 1)[0];
         assert!(found.correlation.is_nan() && !found.is_significant(), "{found:?}");
     }
 

@@ -3,7 +3,7 @@
 use crate::arrays::{Array, Given, array, values};
 use crate::controller::{GivenModel, Origin, OriginParts};
 use crate::errors::{input, of_mpc, of_run};
-use crate::gradient::by_name;
+use crate::gradient::{Layout, by_name};
 use numpy::{PyArrayDyn, PyUntypedArrayMethods};
 use pinc_batch::{LoopTrace, Situations};
 use pinc_config::MOST_THREADS;
@@ -110,6 +110,13 @@ impl NmpcBatch {
         self.lock().batch().nmpc().model().dims().nu
     }
 
+    fn layout(&self) -> Layout {
+        let controller = self.lock();
+        let outputs = controller.batch().nmpc().problem().tracked.len();
+        let measured = &controller.spec().measured_parameters;
+        Layout::new(outputs, controller.parameter_names(), measured)
+    }
+
     /// Reads the arguments of a batch of steps.
     fn arguments(
         &self,
@@ -118,6 +125,7 @@ impl NmpcBatch {
         u_before: Option<&Given<'_>>,
         parameters: Option<&Given<'_>>,
     ) -> PyResult<Arguments> {
+        let layout = self.layout();
         let controller = self.lock();
         let nmpc = controller.batch().nmpc();
         let (dims, problem) = (nmpc.model().dims(), nmpc.problem());
@@ -140,15 +148,20 @@ impl NmpcBatch {
         };
         let u_before = match u_before {
             None => controller.initial_input(),
+            Some(u_before) if problem.delay > 1 => {
+                under_way(u_before, [problem.delay, dims.nu], steps)?
+            }
             Some(u_before) => shared_rows(u_before, "u_before", dims.nu, steps)?,
         };
-        if dims.np == 0 && parameters.is_some_and(|p| !values(p).is_empty()) {
+        let width = layout.parameters.len();
+        if width == 0 && parameters.is_some_and(|p| !values(p).is_empty()) {
             let problem = "parameters: the model has none; a net of a family has those of \
                            control.measured_parameters";
             return Err(input(problem));
         }
-        let parameters = parameters.map(|p| shared_rows(p, "parameters", dims.np, steps));
-        let parameters = parameters.transpose()?.unwrap_or_else(|| problem.parameters.clone());
+        let given = parameters.map(|p| shared_rows(p, "parameters", width, steps)).transpose()?;
+        let own = &problem.parameters;
+        let parameters = given.map_or_else(|| own.clone(), |given| layout.insert(&given, own));
         Ok(Arguments { x: values(x), reference, u_before, parameters, steps })
     }
 }
@@ -216,10 +229,17 @@ impl NmpcBatch {
         };
         let found = py.detach(|| self.lock().batch_mut().gradients(given.at(), &seeds, smoothing));
         let found = found.map_err(of_mpc)?;
+        let values = by_name(py, &found.gradients, &self.layout(), Some(given.steps))?;
+        let (m, under_way) = (self.input_count(), found.by_under_way);
+        let each = under_way.len() / (given.steps * m).max(1);
+        if each > 1 {
+            let by_under_way = array(py, under_way, Some(given.steps), &[each, m])?;
+            values.bind(py).set_item("applied_input", by_under_way)?;
+        }
         Ok(GradientBatch {
-            values: by_name(py, &found.gradients, Some(given.steps))?,
+            values,
             regularity: found.regularities.iter().map(ToString::to_string).collect(),
-            steps: Py::new(py, step_batch(py, found.steps, [given.steps, self.input_count()])?)?,
+            steps: Py::new(py, step_batch(py, found.steps, [given.steps, m])?)?,
         })
     }
 
@@ -286,6 +306,18 @@ impl NmpcBatch {
         self.lock().spec().controlled.clone()
     }
 
+    #[doc = doc!("NmpcBatch.parameters")]
+    #[getter]
+    fn parameters(&self) -> Vec<String> {
+        self.layout().names()
+    }
+
+    #[doc = doc!("NmpcBatch.delay_steps")]
+    #[getter]
+    fn delay_steps(&self) -> usize {
+        self.lock().batch().nmpc().problem().delay
+    }
+
     #[doc = doc!("NmpcBatch.horizon")]
     #[getter]
     fn horizon(&self) -> usize {
@@ -320,6 +352,18 @@ fn shared_rows(given: &Given<'_>, name: &str, width: usize, count: usize) -> PyR
         [rows, found] if found == width && rows == count => Ok(values(given)),
         _ => Err(input(format!(
             "{name}: expected {width} numbers, or an array of shape ({count}, {width})"
+        ))),
+    }
+}
+
+/// All inputs under way in each of `steps` steps, given for each or once for all.
+fn under_way(given: &Given<'_>, [delay, m]: [usize; 2], steps: usize) -> PyResult<Vec<f64>> {
+    match *given.shape() {
+        [found, width] if found == delay && width == m => Ok(values(given).repeat(steps)),
+        [rows, found, width] if rows == steps && found == delay && width == m => Ok(values(given)),
+        _ => Err(input(format!(
+            "u_before: expected an array of shape ({delay}, {m}) or ({steps}, {delay}, {m}): with \
+             control.delay_steps = {delay} all inputs under way, the next to act first"
         ))),
     }
 }

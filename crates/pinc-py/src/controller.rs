@@ -3,7 +3,7 @@
 use crate::arrays::{Array, Given, array, values, vector};
 use crate::config::{Parts, Source};
 use crate::errors::{input, of_mpc, of_run};
-use crate::gradient::{PlanChange, PlanGradient, read_change};
+use crate::gradient::{Layout, PlanChange, PlanGradient, read_change};
 use crate::model::Model;
 use numpy::{PyArrayDyn, PyUntypedArrayMethods};
 use pinc_config::{Experiment, ModelKind};
@@ -77,6 +77,13 @@ impl Nmpc {
 
     fn lock(&self) -> MutexGuard<'_, LiveController> {
         self.controller.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    fn layout(&self) -> Layout {
+        let controller = self.lock();
+        let outputs = controller.nmpc().problem().tracked.len();
+        let measured = &controller.spec().measured_parameters;
+        Layout::new(outputs, controller.parameter_names(), measured)
     }
 }
 
@@ -272,10 +279,11 @@ impl Nmpc {
     ) -> PyResult<PlanGradient> {
         let [by_inputs, by_states] =
             [by_inputs, by_states].map(|seed| seed.map_or(Vec::new(), |seed| values(&seed)));
+        let layout = self.layout();
         let mut controller = self.lock();
         let mut sensitivity = controller.sensitivity(smoothing).map_err(|e| of_run(&e))?;
         let gradient = sensitivity.adjoint(&by_states, &by_inputs).map_err(of_mpc)?;
-        PlanGradient::new(py, sensitivity.regularity(), &gradient)
+        PlanGradient::new(py, sensitivity.regularity(), (&gradient, &layout))
     }
 
     #[doc = doc!("Nmpc.sensitivity")]
@@ -286,11 +294,12 @@ impl Nmpc {
         change: &Bound<'_, PyDict>,
         smoothing: Option<f64>,
     ) -> PyResult<PlanChange> {
+        let layout = self.layout();
         let mut controller = self.lock();
         let dims = controller.nmpc().model().dims();
         let mut sensitivity = controller.sensitivity(smoothing).map_err(|e| of_run(&e))?;
         let mut numbers = sensitivity.no_change();
-        read_change(change, &mut numbers)?;
+        read_change(change, &layout, &mut numbers)?;
         let moved = sensitivity.forward(&numbers).map_err(of_mpc)?;
         let parts = [(moved.states(), dims.nx), (moved.inputs(), dims.nu)];
         PlanChange::new(py, sensitivity.regularity(), parts)
@@ -360,6 +369,12 @@ impl Nmpc {
     #[getter]
     fn unknowns(&self) -> Vec<String> {
         self.lock().unknowns().to_vec()
+    }
+
+    #[doc = doc!("Nmpc.parameters")]
+    #[getter]
+    fn parameters(&self) -> Vec<String> {
+        self.layout().names()
     }
 
     #[doc = doc!("Nmpc.horizon")]

@@ -29,13 +29,56 @@ pub(crate) struct PlanChange {
     inputs: Py<PyArrayDyn<f64>>,
 }
 
+/// How Python sees what gradients are in.
+#[derive(Debug)]
+pub(crate) struct Layout {
+    /// How many quantities follow references.
+    pub(crate) outputs: usize,
+    /// The parameters that a step takes, by their names and by their places in p.
+    pub(crate) parameters: Vec<(String, usize)>,
+}
+
+impl Layout {
+    /// Of a controller with these parameters p, of which some are measured: a step takes these, or
+    /// else all.
+    pub(crate) fn new(outputs: usize, names: &[String], measured: &[String]) -> Self {
+        let taken = if measured.is_empty() { names } else { measured };
+        let place = |name: &String| names.iter().position(|known| known == name);
+        let parameters = taken.iter().filter_map(|name| Some((name.clone(), place(name)?)));
+        Self { outputs, parameters: parameters.collect() }
+    }
+
+    /// The names of the parameters.
+    pub(crate) fn names(&self) -> Vec<String> {
+        self.parameters.iter().map(|(name, _)| name.clone()).collect()
+    }
+
+    /// The parameters p that rows of those which a step takes make of `own`.
+    pub(crate) fn insert(&self, rows: &[f64], own: &[f64]) -> Vec<f64> {
+        let insert = |row: &[f64]| {
+            let mut p = own.to_vec();
+            self.parameters.iter().zip(row).for_each(|((_, place), value)| p[*place] = *value);
+            p
+        };
+        rows.chunks_exact(self.parameters.len().max(1)).flat_map(insert).collect()
+    }
+
+    /// The places of the numbers of a kind that Python sees, of `count`.
+    fn places(&self, kind: Number, count: usize) -> Vec<usize> {
+        if kind == Number::Parameters {
+            return self.parameters.iter().map(|(_, place)| *place).collect();
+        }
+        (0..count).collect()
+    }
+}
+
 impl PlanGradient {
     pub(crate) fn new(
         py: Python<'_>,
         regularity: Regularity,
-        gradient: &ProblemDerivative,
+        (gradient, layout): (&ProblemDerivative, &Layout),
     ) -> PyResult<Self> {
-        let values = by_name(py, std::slice::from_ref(gradient), None)?;
+        let values = by_name(py, std::slice::from_ref(gradient), layout, None)?;
         Ok(Self { regularity: regularity.to_string(), values })
     }
 }
@@ -61,21 +104,31 @@ impl PlanChange {
 pub(crate) fn by_name(
     py: Python<'_>,
     gradients: &[ProblemDerivative],
+    layout: &Layout,
     rows: Option<usize>,
 ) -> PyResult<Py<PyDict>> {
     let all = PyDict::new(py);
     for kind in Number::ALL {
-        let numbers: Vec<f64> = gradients.iter().flat_map(|g| g.get(kind)).copied().collect();
-        let width = numbers.len() / gradients.len().max(1);
-        if width > 0 {
-            all.set_item(kind.name(), array(py, numbers, rows, &[width])?)?;
+        let places = layout.places(kind, gradients.first().map_or(0, |g| g.get(kind).len()));
+        let of = |g: &ProblemDerivative| places.iter().map(|&i| g.get(kind)[i]).collect::<Vec<_>>();
+        let numbers: Vec<f64> = gradients.iter().flat_map(of).collect();
+        let mut shape = vec![places.len()];
+        if kind == Number::Reference {
+            shape = vec![places.len() / layout.outputs.max(1), layout.outputs];
+        }
+        if !places.is_empty() {
+            all.set_item(kind.name(), array(py, numbers, rows, &shape)?)?;
         }
     }
     Ok(all.unbind())
 }
 
 /// Reads a change of some kinds of numbers.
-pub(crate) fn read_change(change: &Bound<'_, PyDict>, to: &mut ProblemDerivative) -> PyResult<()> {
+pub(crate) fn read_change(
+    change: &Bound<'_, PyDict>,
+    layout: &Layout,
+    to: &mut ProblemDerivative,
+) -> PyResult<()> {
     for (name, numbers) in change {
         let name: String = name.extract()?;
         let Some(kind) = Number::ALL.into_iter().find(|kind| kind.name() == name) else {
@@ -83,13 +136,15 @@ pub(crate) fn read_change(change: &Bound<'_, PyDict>, to: &mut ProblemDerivative
             return Err(input(format!("change: {name:?} given, expected some of {known}")));
         };
         let numbers = values(&numbers.extract::<Given<'_>>()?);
-        let (expected, found) = (to.get(kind).len(), numbers.len());
+        let places = layout.places(kind, to.get(kind).len());
+        let (expected, found) = (places.len(), numbers.len());
         if found != expected {
             return Err(input(format!(
                 "change[{name:?}]: {found} numbers given, expected {expected}"
             )));
         }
-        to.get_mut(kind).copy_from_slice(&numbers);
+        let to = to.get_mut(kind);
+        places.into_iter().zip(numbers).for_each(|(place, number)| to[place] = number);
     }
     Ok(())
 }

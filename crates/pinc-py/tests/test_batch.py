@@ -185,7 +185,7 @@ def test_a_policy_warns_where_plans_are_not_optimal(smoke: Path) -> None:
 
 
 def test_a_policy_is_differentiated_through_a_delay(smoke: Path) -> None:
-    delayed = {**WEIGHTS, "control.delay_steps": 2}
+    delayed = {**WEIGHTS, "control.delay_steps": 1}
     batch = pinc.NmpcBatch(smoke, only="rk4", overrides=delayed)
     x, reference, before = np.array([[0.3, 0.1]]), np.array([0.1, 0.0]), np.array([0.05])
     found = batch.gradients(x, reference, [1.0], before)
@@ -196,6 +196,97 @@ def test_a_policy_is_differentiated_through_a_delay(smoke: Path) -> None:
         assert abs(found.values["state"][0, i] - (high - low) / (2 * step)) < 1e-5
     low, high = (batch.steps(x, reference, before + d).u[0, 0] for d in (-step, step))
     assert abs(found.values["applied_input"][0, 0] - (high - low) / (2 * step)) < 1e-5
+
+
+def test_a_policy_takes_all_inputs_under_way(smoke: Path) -> None:
+    """Chained with the plant it is the closed loop; one input for all under way is another."""
+    delayed = {**WEIGHTS, "control.delay_steps": 3, "control.preview": False}
+    batch = pinc.NmpcBatch(smoke, only="rk4", overrides=delayed)
+    assert batch.delay_steps == 3
+    plant, references = pinc.Plant(smoke), np.tile([0.3, 0.0], (8, 1))
+    loop = batch.loops([[0.4, 0.1]], references)
+    x, under_way = np.array([0.4, 0.1]), np.zeros((3, 1))
+    for state in loop.states[0, 1:]:
+        u = batch.steps(x[None], references[0], under_way).u
+        x = plant.simulate(x, under_way[:1], batch.sample_time_s)[-1]
+        under_way = np.concatenate([under_way[1:], u])
+        assert np.abs(x - state).max() < 1e-6
+    for wrong in (np.zeros(1), np.zeros((1, 1)), np.zeros((1, 2, 1))):
+        with pytest.raises(pinc.InputError, match="u_before.*control.delay_steps = 3.*under way"):
+            batch.steps(x[None], references[0], wrong)
+    found = batch.gradients(x[None], references[0], [1.0], under_way).values["applied_input"]
+    assert found.shape == (1, 3, 1)
+    for j in range(3):
+        moved = np.zeros((3, 1))
+        moved[j] = 1e-4
+        low, high = (batch.steps(x[None], references[0], under_way + s * moved).u for s in (-1, 1))
+        assert abs(found[0, j, 0] - (high - low)[0, 0] / 2e-4) < 1e-5
+    jax = pytest.importorskip("jax")
+    jax.config.update("jax_enable_x64", True)
+    policy = pinc.jax_policy(batch)
+    gradient = jax.grad(lambda of: policy(x[None], references[0], of).sum())(under_way)
+    assert np.allclose(gradient, found[0])
+
+
+FAMILY = Path(__file__).resolve().parents[3] / "configs" / "four-tanks" / "family.toml"
+
+
+def test_parameters_are_those_of_a_step(smoke: Path) -> None:
+    """In the order of the config; a batch has them as the controller of one plant."""
+    measured = {"control.measured_parameters": ["k2", "k1"]}
+    one = pinc.Nmpc(FAMILY, only="rk4", overrides=measured)
+    batch = pinc.NmpcBatch(FAMILY, only="rk4", overrides=measured, threads=1)
+    assert one.parameters == batch.parameters == ["k2", "k1"]
+    x, reference, p = np.array([[8.0, 12.0, 2.0, 3.0]]), np.array([12.0, 13.0]), [3.35, 3.0]
+    u = one.step(x[0], reference, parameters=p).u
+    assert np.abs(batch.steps(x, reference, parameters=p).u[0] - u).max() < 1e-6
+    found = batch.gradients(x, reference, [1.0, 0.5], parameters=p).values["parameters"]
+    assert np.allclose(one.adjoint([1.0, 0.5]).values["parameters"], found[0], rtol=1e-4, atol=1e-8)
+    moved = one.sensitivity({"parameters": [1.0, 0.0]}).inputs[0] @ [1.0, 0.5]
+    assert moved == pytest.approx(found[0, 0], rel=1e-4)
+    for i, step in enumerate(np.eye(2) * 1e-4):
+        low, high = (batch.steps(x, reference, parameters=p + d).u[0] @ [1.0, 0.5] for d in (-step, step))
+        assert found[0, i] == pytest.approx((high - low) / 2e-4, abs=1e-4)
+    with pytest.raises(pinc.InputError, match="loops.*`control.measured_parameters`"):
+        batch.loops(x, np.tile(reference, (3, 1)))
+    assert pinc.NmpcBatch(smoke, only="rk4").parameters == []
+
+
+def test_gradients_in_references_have_their_shape(smoke: Path, batch: pinc.NmpcBatch) -> None:
+    found = batch.gradients(states(3), [0.1, 0.0], [1.0]).values["reference"]
+    assert found.shape == (3, batch.horizon, 2)
+    one = pinc.Nmpc(smoke, only="rk4", overrides=WEIGHTS)
+    one.step(states(1)[0], [0.1, 0.0])
+    by_reference = one.adjoint([1.0]).values["reference"]
+    assert by_reference.shape == (batch.horizon, 2)
+    moved = one.sensitivity({"reference": np.ones((batch.horizon, 2))}).inputs[0, 0]
+    assert moved == pytest.approx(by_reference.sum())
+
+
+def test_policies_take_whole_numbers(batch: pinc.NmpcBatch) -> None:
+    u = batch.steps([[0.0, 0.0]], [0.3, 0.0]).u
+    assert abs(u[0, 0]) > 0.05
+    jax = pytest.importorskip("jax")
+    jax.config.update("jax_enable_x64", True)
+    whole = pinc.jax_policy(batch)(np.array([[0, 0]]), np.array([0.3, 0.0]), np.array([0]))
+    assert np.allclose(whole, u)
+    torch = pytest.importorskip("torch")
+    policy = pinc.torch_policy(batch)
+    whole = policy(torch.tensor([[0, 0]]), torch.tensor([0.3, 0.0]), torch.tensor([0]))
+    assert np.allclose(whole.numpy(), u, atol=1e-6)
+
+
+def test_jax_maps_a_policy(batch: pinc.NmpcBatch) -> None:
+    jax = pytest.importorskip("jax")
+    jax.config.update("jax_enable_x64", True)
+    policy = pinc.jax_policy(batch)
+    x, reference, before = states(3), np.array([0.1, 0.0]), np.zeros(1)
+    found = batch.gradients(x, reference, [1.0], before).values["state"]
+    jacobian = jax.jacrev(lambda x: policy(x, reference, before))(x)
+    for k in range(3):
+        assert np.allclose(jacobian[k, 0, k], found[k])
+    mapped = jax.vmap(lambda x: policy(x[None], reference, before)[0])(x)
+    assert np.allclose(mapped, batch.steps(x, reference, before).u)
 
 
 def test_torch_learns_a_reference_from_the_cost_of_a_loop(batch: pinc.NmpcBatch) -> None:

@@ -6,8 +6,6 @@ from typing import TYPE_CHECKING, Any, Optional
 
 import numpy as np
 
-from ._errors import InputError
-
 if TYPE_CHECKING:
     from ._native import NmpcBatch
 
@@ -35,10 +33,10 @@ def _gradients(
     return [array.reshape(like.shape) for like, array in zip(given, arrays)]
 
 
-def _check_real(x: Any, is_real: bool) -> None:
-    # The inputs are of the type of the states: whole numbers would cut them.
-    if not is_real:
-        raise InputError(f"x: type {x.dtype} given, expected a floating-point type")
+def _of_each(batch: "NmpcBatch", points: int, shape: Any) -> tuple[int, ...]:
+    """The shape of ``u_before`` with what is given for one point repeated for each."""
+    of_one = 1 if batch.delay_steps < 2 else 2
+    return (points, *shape[-of_one:])
 
 
 def torch_policy(batch: "NmpcBatch", smoothing: Optional[float] = None) -> Callable[..., Any]:
@@ -46,14 +44,12 @@ def torch_policy(batch: "NmpcBatch", smoothing: Optional[float] = None) -> Calla
     parameters=None)``, with gradients in all of them. Needs the package torch.
 
     ``x`` is ``(points, n)``; ``reference`` ``(outputs,)``, ``(points, outputs)`` or ``(points,
-    horizon, outputs)``; ``u_before`` ``(m,)`` or ``(points, m)``; ``parameters`` ``(np,)`` or
-    ``(points, np)``, in the model's order: that of the domain's parameters, not of
-    ``control.measured_parameters``. The result is ``(points, m)``, of the
-    floating-point type of ``x``. With ``smoothing`` the gradients are those of the smoothed plan.
-    Where a plan is not optimal the backward pass warns. ``torch.autograd`` differentiates it;
-    ``torch.func`` and ``vmap`` do not: give it rows of points instead. With ``delay_steps`` of 2 and
-    more ``u_before`` stands for all inputs under way, which in a chain of policy and plant they are
-    not: use ``NmpcBatch.loops``.
+    horizon, outputs)``; ``u_before`` ``(m,)`` or ``(points, m)``, from ``control.delay_steps = 2`` on
+    all inputs under way, the next to act first, ``(delay, m)`` or ``(points, delay, m)``;
+    ``parameters``, those that ``batch.parameters`` names, ``(np,)`` or ``(points, np)``. The result is
+    ``(points, m)``. Whole numbers count as numbers of the default precision. With ``smoothing`` the
+    gradients are those of the smoothed plan. Where a plan is not optimal the backward pass warns.
+    Differentiate by ``backward`` or ``torch.autograd``: ``torch.func`` cannot transform it.
     """
     try:
         import torch
@@ -77,22 +73,21 @@ def torch_policy(batch: "NmpcBatch", smoothing: Optional[float] = None) -> Calla
             return tuple(torch.from_numpy(array).to(like) for array, like in zip(found, given))
 
     def policy(x: Any, reference: Any, u_before: Any, parameters: Any = None) -> Any:
-        _check_real(x, x.is_floating_point())
         points = x.shape[0]
         if reference.dim() < 3:
             reference = reference.expand(points, -1).unsqueeze(1).expand(-1, batch.horizon, -1)
-        given = [x, reference, u_before.expand(points, -1)]
+        given = [x, reference, u_before.expand(_of_each(batch, points, u_before.shape))]
         if parameters is not None:
             given.append(parameters.expand(points, -1))
-        return Policy.apply(*given)
+        real = torch.get_default_dtype()
+        return Policy.apply(*(one if one.is_floating_point() else one.to(real) for one in given))
 
     return policy
 
 
 def jax_policy(batch: "NmpcBatch", smoothing: Optional[float] = None) -> Callable[..., Any]:
-    """``torch_policy`` for JAX: a function that can be jitted and differentiated in reverse mode by
-    ``jax.grad`` and ``jax.vjp``, but not by ``vmap`` nor ``jax.jacrev``, which maps with it.
-    Needs the package jax; for all digits, ``jax.config.update("jax_enable_x64", True)``.
+    """``torch_policy`` for JAX: a function that can be jitted, mapped by ``vmap`` and differentiated in
+    reverse mode, once. Needs the package jax; for all digits, ``jax.config.update("jax_enable_x64", True)``.
     """
     try:
         import jax
@@ -105,12 +100,16 @@ def jax_policy(batch: "NmpcBatch", smoothing: Optional[float] = None) -> Callabl
             found = function(*(np.asarray(array, dtype=np.float64) for array in arrays))
             return jax.tree.map(lambda array, like: array.astype(like.dtype), found, shapes)
 
-        return jax.pure_callback(on_arrays, shapes, *given)
+        return jax.pure_callback(on_arrays, shapes, *given, vmap_method="sequential")
 
     def chosen(*given: Any) -> Any:
         x = given[0]
         shape = jax.ShapeDtypeStruct((x.shape[0], len(batch.inputs)), x.dtype)
         return call(lambda *arrays: _inputs(batch, list(arrays)), shape, *given)
+
+    def real(given: Any) -> Any:
+        given = jnp.asarray(given)
+        return given if jnp.issubdtype(given.dtype, jnp.floating) else given.astype(float)
 
     inputs: Any = jax.custom_vjp(chosen)
 
@@ -127,14 +126,15 @@ def jax_policy(batch: "NmpcBatch", smoothing: Optional[float] = None) -> Callabl
     inputs.defvjp(forward, backward)
 
     def policy(x: Any, reference: Any, u_before: Any, parameters: Any = None) -> Any:
-        _check_real(x, jnp.issubdtype(x.dtype, jnp.floating))
+        x, reference, u_before = (real(one) for one in (x, reference, u_before))
         points = x.shape[0]
         if reference.ndim < 3:
             width = reference.shape[-1]
             held = jnp.broadcast_to(reference, (points, width))[:, None, :]
             reference = jnp.broadcast_to(held, (points, batch.horizon, width))
-        given = [x, reference, jnp.broadcast_to(u_before, (points, u_before.shape[-1]))]
+        given = [x, reference, jnp.broadcast_to(u_before, _of_each(batch, points, u_before.shape))]
         if parameters is not None:
+            parameters = real(parameters)
             given.append(jnp.broadcast_to(parameters, (points, parameters.shape[-1])))
         return inputs(*given)
 

@@ -268,6 +268,10 @@ class Nmpc:
     def unknowns(self) -> list[str]:
         """Names of the disturbances and parameters that are estimated."""
     @property
+    def parameters(self) -> list[str]:
+        """Names of the parameters that derivatives are in: of ``control.measured_parameters``, of the
+        ``unknowns`` with an estimator, or else of all that the model has."""
+    @property
     def horizon(self) -> int:
         """N2, the number of steps ahead."""
     @property
@@ -494,7 +498,9 @@ class NmpcBatch:
         ``reference`` is a value per controlled quantity, ``(outputs,)`` or one for each step,
         ``(steps, outputs)``, held over the horizon, or ``(steps, horizon, outputs)``. ``u_before``,
         the input applied last, is ``(m,)`` or ``(steps, m)``, ``control.initial_input`` or 0 if it
-        is not given; ``parameters`` are the model's, ``(np,)`` or ``(steps, np)``."""
+        is not given; from ``control.delay_steps = 2`` on it has all inputs under way, the next to act
+        first: ``(delay, m)`` or ``(steps, delay, m)``. ``parameters`` are those that the property of
+        this name lists, ``(np,)`` or ``(steps, np)``, the config's if they are not given."""
     def gradients(
         self,
         x: ArrayLike,
@@ -512,7 +518,7 @@ class NmpcBatch:
     ) -> LoopBatch:
         """Runs closed loops with the config's plant from the states ``x``, ``(loops, n)``.
         ``references`` have a row per control step: ``(steps, outputs)`` for all loops, or ``(loops,
-        steps, outputs)``."""
+        steps, outputs)``. ``u_before``, ``(m,)`` or ``(loops, m)``, is all that is under way."""
     @property
     def states(self) -> list[str]:
         """Names of the states."""
@@ -522,6 +528,13 @@ class NmpcBatch:
     @property
     def controlled(self) -> list[str]:
         """Names of what is controlled: the columns of a reference."""
+    @property
+    def parameters(self) -> list[str]:
+        """Names of the parameters that steps take, in their order: of ``control.measured_parameters``,
+        or else of all that the model has."""
+    @property
+    def delay_steps(self) -> int:
+        """How many steps an input takes to act."""
     @property
     def horizon(self) -> int:
         """N2, the number of steps ahead."""
@@ -561,7 +574,8 @@ class GradientBatch:
         """As of a ``PlanGradient``."""
     @property
     def values(self) -> dict[str, _Array]:
-        """The gradients by kind of number, as of a ``PlanGradient``, each ``(steps, numbers)``."""
+        """The gradients by kind of number, as of a ``PlanGradient``, with the steps in front; that in
+        ``applied_input`` has the shape of ``u_before``."""
 
 @final
 class LoopBatch:
