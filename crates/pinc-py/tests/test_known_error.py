@@ -53,7 +53,7 @@ def test_the_estimate_is_near_the_error(smoke: Path, tmp_path: Path) -> None:
     with pytest.raises(pinc.PincError, match="absent.toml"):
         model.error_estimate(tmp_path / "absent.toml", x, u)
     assert np.array_equal(model.error_estimate(smoke, x, u), found)
-    with pytest.raises(pinc.InputError, match="states of the model: x1, x2; of the plant: "):
+    with pytest.raises(pinc.InputError, match="states of the model: x1, x2; of the config: "):
         model.error_estimate(smoke.parent / "one-tank.toml", x, u)
 
 
