@@ -305,16 +305,6 @@ def test_torch_learns_a_reference_from_the_cost_of_a_loop(batch: pinc.NmpcBatch)
     assert abs(policy(x, reference, before).item() - 0.1) < 1e-3
 
 
-def test_policies_refuse_states_of_whole_numbers(batch: pinc.NmpcBatch) -> None:
-    """Inputs are of the type of the states, which would cut them."""
-    jnp = pytest.importorskip("jax.numpy")
-    with pytest.raises(pinc.InputError, match="^x: type int32 given, expected a floating-point"):
-        pinc.jax_policy(batch)(jnp.array([[0, 0]], jnp.int32), jnp.zeros(2), jnp.zeros(1))
-    torch = pytest.importorskip("torch")
-    with pytest.raises(pinc.InputError, match="^x: type torch.int64 given, expected a floating-po"):
-        pinc.torch_policy(batch)(torch.tensor([[0, 0]]), torch.zeros(2), torch.zeros(1))
-
-
 def test_jax_differentiates_a_policy(batch: pinc.NmpcBatch) -> None:
     jax = pytest.importorskip("jax")
     jax.config.update("jax_enable_x64", True)
