@@ -133,8 +133,7 @@ impl BatchController {
     ) -> Result<Vec<LoopTrace>, RunError> {
         if let Some(key) = self.without {
             let problem = format!(
-                "loops of a batch have the models' plant and its states, but the config has `{key}`; \
-                 leave it out"
+                "a batch's loops have the models' plant and see its states: leave `{key}` out"
             );
             return Err(RunError::usage(format!("`{}`", self.command), problem));
         }

@@ -386,14 +386,14 @@ fn execute(cli: &Cli, plants: &Plants) -> Result<ExitCode, RunError> {
         Command::Tune(args) => args.tune(plants, quiet)?,
         Command::Shrink(args) => args.shrink(plants, quiet)?,
         Command::Check { config, json, set } => {
-            return check(config, *json, &set.overrides(), plants);
+            return check(config, (*json, quiet), &set.overrides(), plants);
         }
         Command::Report { dir } => {
             let path = pinc_runs::rebuild_report(dir)?;
             show(quiet, &path.display().to_string())?;
         }
         Command::Compare { dirs, out: None } => {
-            console::line(pinc_report::compare(dirs)?.text.trim_end())?;
+            show(quiet, pinc_report::compare(dirs)?.text.trim_end())?;
         }
         Command::Compare { dirs, out: Some(page) } => {
             pinc_runs::compare(dirs, page)?;
@@ -474,22 +474,20 @@ fn run_all(
 
 fn check(
     config: &Path,
-    json: bool,
+    (json, quiet): (bool, bool),
     sets: &[String],
     plants: &Plants,
 ) -> Result<ExitCode, RunError> {
     let experiment = Experiment::load(config, sets, plants)?;
-    let findings = pinc_runs::check_watched(&experiment, Verbosity::Shown);
+    let verbosity = if quiet { Verbosity::Quiet } else { Verbosity::Shown };
+    let findings = pinc_runs::check_watched(&experiment, verbosity);
     if json {
         console::line(&pinc_runs::findings_json(&findings))?;
     } else {
-        console::line(&format!(
-            "{}: a valid config of {}, preset {}",
-            config.display(),
-            experiment.name,
-            experiment.preset.name()
-        ))?;
-        for finding in &findings {
+        let (config, name) = (config.display(), &experiment.name);
+        let preset = experiment.preset.name();
+        show(quiet, &format!("{config}: a valid config of {name}, preset {preset}"))?;
+        for finding in findings.iter().filter(|of| !quiet || of.severity == Severity::Error) {
             console::line(&finding.to_string())?;
         }
     }

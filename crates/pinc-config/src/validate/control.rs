@@ -248,6 +248,10 @@ fn mpc_finding(error: &MpcError) -> (String, Problem) {
         MpcError::Range { field, found, low, high } => {
             (*field, found.to_string(), format!("from {low} to {high}"))
         }
+        MpcError::CrossedBounds { field, index, low, high } => {
+            let found = format!("{low} above {high} at place {index}");
+            (*field, found, "lower bounds below the upper ones".to_owned())
+        }
         MpcError::NotSymmetric { field, .. } => {
             (*field, "rows".into(), "a symmetric matrix".into())
         }

@@ -159,7 +159,10 @@ fn steps_of(
     key: &str,
     duration_s: f64,
 ) -> Result<usize, (String, Problem)> {
-    let Some(sample_time_s) = sample_time_s else { return Ok(1) };
+    // That T is no length is said of its own key.
+    let Some(sample_time_s) = sample_time_s.filter(|length_s| *length_s > 0.0) else {
+        return Ok(1);
+    };
     let steps = (duration_s / sample_time_s).round();
     if steps > STEPS as f64 {
         let expected = format!("{STEPS} steps of T = {sample_time_s} s at most");

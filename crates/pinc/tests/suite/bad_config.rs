@@ -211,6 +211,12 @@ fn other_values_out_of_range() {
         ("q = [10.0, 10.0]", "q = [[1.0, 2.0], [2.0, 1.0]]", "a positive semidefinite matrix"),
         ("q = [10.0, 10.0]", "q = [[1.0, 0.5], [0.0, 1.0]]", "a symmetric matrix"),
         ("r = [1.0]", "r = [1.0]\nincrement_low = [0.5]", "`control.increment_low"),
+        (
+            "r = [1.0]",
+            "r = [1.0]\nincrement_low = [0.2]\nincrement_high = [0.1]",
+            "`control.increment_low, control.increment_high`: 0.2 above 0.1 at place 0",
+        ),
+        ("r = [1.0]", "r = [1.0]\nstep_s = 0.0", "`control.step_s`: 0"),
         ("r = [1.0]", "r = [1.0]\nbudget_us = 0.0", "`control.budget_us`"),
         ("r = [1.0]", "r = [1.0]\nq_terminal = [1.0]", "`control.q_terminal`: 1"),
         ("{ start_s = 0.0,", "{ start_s = 1.0,", "`control.references[0].start_s`"),

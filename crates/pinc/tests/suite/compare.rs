@@ -65,3 +65,19 @@ fn what_cannot_be_compared_is_refused_in_words() {
     fs::remove_file(oscillator.join("metrics.json")).unwrap();
     compare(&[&oscillator, &tank], &[]).assert_refused(&["the run has no metrics.json"]);
 }
+
+/// Only errors are printed, by `check` too.
+#[test]
+fn quiet_commands_print_nothing() {
+    let dir = tempfile::tempdir().unwrap();
+    let [one, other] = ["one", "other"].map(|name| dir.path().join(name));
+    control("configs/smoke/rk4-only.toml", &one, "seed=7");
+    control("configs/smoke/rk4-only.toml", &other, "seed=8");
+    for (quiet, prints) in [(&[][..], true), (&["--quiet"], false)] {
+        let found = outcome(pinc(&["compare"]).args([&one, &other]).args(quiet));
+        assert_eq!((found.code, !found.stdout.is_empty()), (Some(0), prints), "{found:?}");
+        let config = repository("configs/smoke/van-der-pol.toml");
+        let found = outcome(pinc(&["check"]).args(quiet).arg(config));
+        assert_eq!((found.code, !found.stdout.is_empty()), (Some(0), prints), "{found:?}");
+    }
+}
