@@ -280,7 +280,7 @@ fn an_exported_plant_is_a_plant() {
         }
         let parsed = |variables: &str| parse(&plant(variables), &allowed());
         let error = parsed("variables = { x1 = 'height' }").unwrap_err();
-        assert!(error.contains("plant.fmu.file") && error.contains("`height`"), "{error}");
+        assert!(error.contains("`plant.fmu.variables`") && error.contains("`height`"), "{error}");
     }
     let text = config("fmu = { file = 'tests/Cargo.toml', states = ['x'], inputs = ['u'] }");
     let error = parse(&text.replace("MODEL", "black-box"), &allowed()).unwrap_err();
