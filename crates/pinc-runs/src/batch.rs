@@ -62,10 +62,10 @@ impl BatchController {
             parameter_names: chosen.names_of_parameters(),
             without: first([
                 ("control.estimator", setup.sections().is_some()),
+                ("control.measured_parameters", !chosen.measured.is_empty()),
                 ("control.plant", spec.plant.is_some()),
                 ("control.plant_schedule", !spec.plant_schedule.is_empty()),
                 ("control.loads", !spec.loads.is_empty()),
-                ("control.measured_parameters", !chosen.measured.is_empty()),
             ]),
             spec: spec.clone(),
             command,
