@@ -97,20 +97,20 @@ impl Simulation {
         let [states, input_places, outputs] =
             [named(&plant.states)?, named(&plant.inputs)?, named(&plant.outputs)?];
         let starts = places(&plant.starts).map_err(FmuError::at("start_variables"))?;
+        let of_parameter = |(name, _): &(String, f64)| {
+            description.place(name).map_err(FmuError::at(format!("parameters.{name}")))
+        };
+        let parameters =
+            plant.parameters.iter().map(of_parameter).collect::<Result<Vec<_>, _>>()?;
         check_distinct(plant, [&states, &input_places])?;
-        check_set(&description, plant, [&input_places, &starts])?;
+        check_set(&description, plant, [&input_places, &starts, &parameters])?;
         let (mut references, mut values) = (Vec::new(), Vec::new());
         let mut add = |place: Place| slot(&description, place, &mut references, &mut values);
         let starts: Vec<usize> = starts.into_iter().map(&mut add).collect();
         let inputs: Vec<usize> = input_places.iter().copied().map(&mut add).collect();
-        let mut given = Vec::new();
-        for (name, value) in &plant.parameters {
-            let place =
-                description.place(name).map_err(FmuError::at(format!("parameters.{name}")))?;
-            given.push((add(place), *value));
-        }
-        for (place, value) in given {
-            values[place] = value;
+        let given: Vec<usize> = parameters.into_iter().map(&mut add).collect();
+        for (place, (_, value)) in given.into_iter().zip(&plant.parameters) {
+            values[place] = *value;
         }
         let order = match kind {
             FmuKind::ModelExchange => order(&description, &states)?,
@@ -312,19 +312,14 @@ fn check_distinct(plant: &FmuPlant, [states, inputs]: [&[Place]; 2]) -> Result<(
 fn check_set(
     description: &Description,
     plant: &FmuPlant,
-    [inputs, starts]: [&[Place]; 2],
+    places: [&[Place]; 3],
 ) -> Result<(), FmuError> {
     let mut set: Vec<Place> = Vec::new();
     let keyed = |key: &'static str| move |name| (key.to_owned(), name);
     let of_starts = plant.starts.iter().map(keyed("start_variables"));
     let parameters = plant.parameters.iter().map(|(name, _)| (format!("parameters.{name}"), name));
     let names = plant.inputs.iter().map(keyed("variables")).chain(of_starts).chain(parameters);
-    let mut places = inputs.iter().chain(starts).copied();
-    for (key, name) in names {
-        let place = match places.next() {
-            Some(place) => place,
-            None => description.place(name).map_err(FmuError::at(key.clone()))?,
-        };
+    for ((key, name), &place) in names.zip(places.into_iter().flatten()) {
         if set.contains(&place) {
             let problem = format!("`{name}` is set already, as an input, a start or a parameter");
             return Err(FmuError::at(key)(problem));
