@@ -130,16 +130,15 @@ impl BranchAndBound {
     }
 
     /// Bounds the first whole inputs by the whole numbers that their increments admit: a program in
-    /// which they were farther away would let them go there. Whether the relaxed plan, which is solved
-    /// again if it was beyond, is within them.
+    /// which they were farther away would let them go there. Gives the status of the relaxed plan, which
+    /// is solved again if it was beyond them.
     fn narrow(&mut self, programs: &mut Programs<'_>) -> SqpStatus {
         for (given, side) in self.given.iter_mut().zip(programs.bounds_mut()) {
             given.copy_from_slice(&side[..self.inputs]);
         }
         let mut is_within = true;
         for &place in &self.whole {
-            let bounds =
-                within_reach(self.given.each_ref().map(|of| of[place]), programs.reach(place));
+            let bounds = whole_within(programs.reach(place));
             set(programs, place, bounds);
             let u = programs.plan().inputs()[place];
             is_within &= u > bounds[0] - WHOLE && u < bounds[1] + WHOLE;
@@ -198,7 +197,7 @@ impl PlanSearch for BranchAndBound {
         if !self.whole.contains(&input) {
             return u;
         }
-        let [least, most] = within_reach([f64::NEG_INFINITY, f64::INFINITY], reach);
+        let [least, most] = whole_within(reach);
         u.round().max(least).min(most)
     }
 }
@@ -230,11 +229,10 @@ impl BranchAndBound {
     }
 }
 
-/// The whole numbers in both intervals, or the one within `bounds` that is nearest to the other.
-fn within_reach([low, high]: [f64; 2], [least, most]: [f64; 2]) -> [f64; 2] {
-    let both = [low.max((least - WHOLE).ceil()), high.min((most + WHOLE).floor())];
-    let nearest = (0.5 * (least + most)).round().clamp(low, high);
-    if both[0] <= both[1] { both } else { [nearest; 2] }
+/// The least and the largest whole number in this interval, or twice the one nearest to its middle.
+fn whole_within([least, most]: [f64; 2]) -> [f64; 2] {
+    let both = [(least - WHOLE).ceil(), (most + WHOLE).floor()];
+    if both[0] <= both[1] { both } else { [(0.5 * (least + most)).round(); 2] }
 }
 
 /// Sets both bounds of an input.
