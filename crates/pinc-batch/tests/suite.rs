@@ -111,19 +111,21 @@ fn gradients_match_the_controller() {
     }
 }
 
+/// A controller of [`Scaled`] whose inputs act after two steps.
+fn delayed(tolerance: f64) -> Result<Nmpc, MpcError> {
+    let problem = NmpcProblem {
+        delay: 2,
+        parameters: vec![0.8],
+        ..NmpcProblem::new(Scaled.dims(), 4, Weights::uniform(vec![2.0], vec![0.5]))
+    };
+    let config = SqpConfig { tolerance, ..SqpConfig::default() };
+    Nmpc::new(problem, Box::new(Scaled), config)
+}
+
 /// With a delay the gradients are those in what the steps are given, not in the predicted state.
 #[test]
 fn gradients_go_through_a_delay() {
-    let make = || {
-        let weights = Weights::uniform(vec![2.0], vec![0.5]);
-        let problem = NmpcProblem {
-            delay: 2,
-            parameters: vec![0.8],
-            ..NmpcProblem::new(Scaled.dims(), 4, weights)
-        };
-        let config = SqpConfig { tolerance: 1e-11, ..SqpConfig::default() };
-        Nmpc::new(problem, Box::new(Scaled), config)
-    };
+    let make = || delayed(1e-11);
     let mut batch = NmpcBatch::new(1, make).unwrap();
     let mut at = |[x, u, p]: &[[f64; 1]; 3]| {
         let at = Situations { x, reference: &[0.3; 4], u_before: u, parameters: p };
@@ -149,16 +151,7 @@ fn gradients_go_through_a_delay() {
 /// A controller that goes on by itself knows its inputs under way; steps are given them.
 #[test]
 fn steps_take_all_inputs_under_way() {
-    let make = || {
-        let weights = Weights::uniform(vec![2.0], vec![0.5]);
-        let problem = NmpcProblem {
-            delay: 2,
-            parameters: vec![0.8],
-            ..NmpcProblem::new(Scaled.dims(), 4, weights)
-        };
-        let config = SqpConfig { tolerance: 1e-12, ..SqpConfig::default() };
-        Nmpc::new(problem, Box::new(Scaled), config)
-    };
+    let make = || delayed(1e-12);
     let (mut batch, mut one) = (NmpcBatch::new(1, make).unwrap(), make().unwrap());
     let (mut x, mut under_way) = ([0.7], vec![0.0; 2]);
     for _ in 0..5 {
