@@ -2,7 +2,7 @@
 
 use crate::choices::{CertifyArgs, Outside, RunArgs, SetArgs, SweepArgs, To, loopback, model_kind};
 use crate::chosen::ChooseArgs;
-use crate::options::{arguments, judged, may_begin_afresh, options};
+use crate::options::{arguments, judged, may_begin_afresh, options, verbosity};
 use crate::printed::{failure, show, usage};
 use crate::served::Served;
 use crate::shrunk::ShrinkArgs;
@@ -12,7 +12,7 @@ use clap::{Parser, Subcommand};
 use pinc_bench::{BenchOptions, OnSlurm, Shard};
 use pinc_config::{Experiment, ModelKind, Plants, RunList};
 use pinc_record::RunDir;
-use pinc_runs::{Options, RunError, Severity, Verbosity, console, verdict};
+use pinc_runs::{Options, RunError, Severity, console, verdict};
 use std::io::IsTerminal as _;
 use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
@@ -400,12 +400,12 @@ fn execute(cli: &Cli, plants: &Plants) -> Result<ExitCode, RunError> {
             show(quiet, &page.display().to_string())?;
         }
         Command::Results { dir, out: None } => {
-            console::line(pinc_report::results(dir)?.trim_end())?
+            show(quiet, pinc_report::results(dir)?.trim_end())?;
         }
         Command::Results { dir, out: Some(page) } => pinc_report::write_results(dir, page)?,
         Command::Bench { json, quick, loss_gradient_file } => {
-            let verbosity = if quiet { Verbosity::Quiet } else { Verbosity::Shown };
             let loss_gradient_file = loss_gradient_file.clone();
+            let verbosity = verbosity(quiet);
             let options = BenchOptions { quick: *quick, loss_gradient_file, verbosity };
             let report = pinc_bench::bench(&options)?;
             show(quiet, &if *json { report.to_json() } else { report.to_string() })?;
@@ -479,8 +479,7 @@ fn check(
     plants: &Plants,
 ) -> Result<ExitCode, RunError> {
     let experiment = Experiment::load(config, sets, plants)?;
-    let verbosity = if quiet { Verbosity::Quiet } else { Verbosity::Shown };
-    let findings = pinc_runs::check_watched(&experiment, verbosity);
+    let findings = pinc_runs::check_watched(&experiment, verbosity(quiet));
     if json {
         console::line(&pinc_runs::findings_json(&findings))?;
     } else {

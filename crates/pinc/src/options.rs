@@ -14,9 +14,13 @@ pub(crate) fn arguments() -> Vec<String> {
     std::env::args().skip(1).collect()
 }
 
+/// What `--quiet` asks for.
+pub(crate) fn verbosity(quiet: bool) -> Verbosity {
+    if quiet { Verbosity::Quiet } else { Verbosity::Shown }
+}
+
 pub(crate) fn options(resume: bool, quiet: bool, arguments: &[String]) -> Options<'_> {
-    let verbosity = if quiet { Verbosity::Quiet } else { Verbosity::Shown };
-    Options { resume, verbosity, interrupt: catch_interrupts(), arguments }
+    Options { resume, verbosity: verbosity(quiet), interrupt: catch_interrupts(), arguments }
 }
 
 /// From now on, the first Ctrl-C asks the run to stop, and a second ends the program.

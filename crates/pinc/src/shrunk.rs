@@ -1,12 +1,12 @@
 //! `pinc shrink`: a net in place of a controller.
 
 use crate::choices::{SetArgs, model_kind};
-use crate::options::arguments;
+use crate::options::{arguments, verbosity};
 use crate::printed::show;
 use clap::builder::RangedU64ValueParser;
 use pinc_bench::ShrinkOptions;
 use pinc_config::{Experiment, ModelKind, Plants};
-use pinc_runs::{Options, RunError, Verbosity, console};
+use pinc_runs::{Options, RunError, console};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::AtomicBool;
 
@@ -51,7 +51,7 @@ impl ShrinkArgs {
         let named = || Path::new("runs").join(format!("{}-shrink", experiment.name));
         let dir = self.out.clone().unwrap_or_else(named);
         let arguments = arguments();
-        let verbosity = if quiet { Verbosity::Quiet } else { Verbosity::Shown };
+        let verbosity = verbosity(quiet);
         // Ctrl-C ends the program at once: there is nothing that could be resumed.
         let interrupt = &AtomicBool::new(false);
         let options = Options { resume: false, verbosity, interrupt, arguments: &arguments };
