@@ -247,6 +247,13 @@ impl Experiment {
         self.control.as_ref().map_or(&[], |control| &control.measured_parameters)
     }
 
+    /// Whether parameters of the plant are trained with the net: the config then has those that the
+    /// training begins with.
+    #[must_use]
+    pub fn trains_parameters(&self) -> bool {
+        self.data.as_ref().is_some_and(|data| !data.parameters.is_empty())
+    }
+
     /// The parameters of the models in the loop: those that vary, those that an estimator
     /// estimates, and what scenarios or a tube vary.
     #[must_use]

@@ -487,12 +487,12 @@ fn matching_model(
     Ok((bytes, net))
 }
 
-/// Whether `net`, of the file `path`, is one of the experiment's plant and step length.
+/// Checks that `net`, of the file `path`, is one of the experiment's plant and step length.
 fn check_match(experiment: &Experiment, path: &Path, net: &PincNet) -> Result<(), RunError> {
     let variables = experiment.plant.variables();
     let names = |names: &[String]| names.join(", ");
     let parameters: Vec<_> = net.parameter_names().map(str::to_owned).collect();
-    if experiment.data.as_ref().is_some_and(|data| !data.parameters.is_empty()) {
+    if experiment.trains_parameters() {
         let problem = "[plant] has the parameters that its training began with: give those found \
                        (`training.parameters` in metrics.json) there, and remove data.parameters";
         return Err(RunError::usage(path.display(), problem));

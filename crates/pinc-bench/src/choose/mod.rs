@@ -106,7 +106,7 @@ pub fn choose(
     options: &Options<'_>,
     how: ChooseOptions,
 ) -> Result<Choice, RunError> {
-    if experiment.data.as_ref().is_some_and(|data| !data.parameters.is_empty()) {
+    if experiment.trains_parameters() {
         let problem = "`pinc choose` compares models of one plant, but each training with data.parameters \
                        finds its own: give those of a training in [plant], and remove the key";
         return Err(RunError::usage(&experiment.name, problem));
