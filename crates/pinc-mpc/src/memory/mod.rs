@@ -91,8 +91,7 @@ impl<'a> Memory<'a> {
     }
 
     /// Whether this is a restoration.
-    #[must_use]
-    pub fn restores(&self) -> bool {
+    pub(crate) fn restores(&self) -> bool {
         matches!(self.0, Direction::Restore(..))
     }
 

@@ -414,7 +414,9 @@ impl Transcription {
     /// Saves or restores the units, and what a tube follows: where the models were linearized last.
     pub(crate) fn remember(&mut self, memory: &mut Memory<'_>, horizon: &mut Horizon) {
         self.units.remember(memory);
-        self.units.choose_cost(&self.plain.q, &self.plain.r);
+        if memory.restores() {
+            self.units.choose_cost(&self.plain.q, &self.plain.r);
+        }
         if self.is_tightened() {
             self.cache.remember(memory, horizon);
         }
