@@ -12,9 +12,9 @@ pub(crate) fn examine(subject: &Subject<'_>) -> Vec<Finding> {
     };
     let mut findings = Vec::new();
     if subject.controlled().is_empty() && !control.controlled.is_empty() {
-        let is_state = |name: &&String| subject.plant.states().iter().all(|s| s.name != **name);
+        let is_other = |name: &&String| subject.plant.states().iter().all(|s| s.name != **name);
         let others: Vec<_> =
-            control.controlled.iter().filter(is_state).map(String::as_str).collect();
+            control.controlled.iter().filter(is_other).map(String::as_str).collect();
         let what = format!(
             "the steady states of control.references, static gain, transmission zeros and the reach \
              of inputs within the horizon: these need controlled states, and {} is none",

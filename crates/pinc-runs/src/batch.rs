@@ -133,7 +133,7 @@ impl BatchController {
     ) -> Result<Vec<LoopTrace>, RunError> {
         if let Some(key) = self.without {
             let problem = format!(
-                "a batch's loops have the models' plant and see its states: leave `{key}` out"
+                "loops in a batch have the models' plant and measure its states: remove `{key}`"
             );
             return Err(RunError::usage(format!("`{}`", self.command), problem));
         }

@@ -250,7 +250,7 @@ fn mpc_finding(error: &MpcError) -> (String, Problem) {
         }
         MpcError::CrossedBounds { field, index, low, high } => {
             let found = format!("{low} above {high} at place {index}");
-            (*field, found, "lower bounds below the upper ones".to_owned())
+            (*field, found, "no lower bound above its upper one".to_owned())
         }
         MpcError::NotSymmetric { field, .. } => {
             (*field, "rows".into(), "a symmetric matrix".into())

@@ -159,7 +159,7 @@ fn steps_of(
     key: &str,
     duration_s: f64,
 ) -> Result<usize, (String, Problem)> {
-    // That T is no length is said of its own key.
+    // A T that is not positive is reported under its own key.
     let Some(sample_time_s) = sample_time_s.filter(|length_s| *length_s > 0.0) else {
         return Ok(1);
     };
