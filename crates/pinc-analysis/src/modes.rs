@@ -2,10 +2,6 @@
 
 use crate::Complex;
 
-/// Rates this far below the fastest are 0 up to rounding: the rates of two integrators in a row are
-/// off by its square root.
-const INTEGRATES: f64 = 1e-7;
-
 /// How a mode evolves by itself.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Growth {
@@ -46,15 +42,15 @@ pub struct TimeScales {
 }
 
 impl Growth {
-    /// Says how `mode` evolves in a plant whose fastest rate is `fastest`, in 1/s.
+    /// Says how a mode evolves.
     #[must_use]
-    pub fn of(mode: Complex, fastest: f64) -> Self {
-        if mode.re.abs() <= INTEGRATES * fastest.max(mode.abs()) {
-            Self::Neutral
-        } else if mode.re < 0.0 {
+    pub fn of(mode: Complex) -> Self {
+        if mode.re < 0.0 {
             Self::Decays { time_constant_s: -1.0 / mode.re }
-        } else {
+        } else if mode.re > 0.0 {
             Self::Grows { doubling_s: std::f64::consts::LN_2 / mode.re }
+        } else {
+            Self::Neutral
         }
     }
 }
@@ -65,12 +61,12 @@ impl TimeScales {
     pub fn of(modes: &[Complex]) -> Self {
         let fastest = modes.iter().map(|mode| mode.abs()).fold(0.0, f64::max);
         let rates = modes.iter().map(|mode| mode.abs());
-        let slowest = rates.filter(|rate| *rate > INTEGRATES * fastest).min_by(f64::total_cmp);
-        let doubling = modes.iter().filter_map(|mode| match Growth::of(*mode, fastest) {
+        let slowest = rates.filter(|rate| *rate > 0.0).min_by(f64::total_cmp);
+        let doubling = modes.iter().filter_map(|mode| match Growth::of(*mode) {
             Growth::Grows { doubling_s } => Some(doubling_s),
             _ => None,
         });
-        let is_neutral = modes.iter().any(|mode| Growth::of(*mode, fastest) == Growth::Neutral);
+        let is_neutral = modes.iter().any(|mode| Growth::of(*mode) == Growth::Neutral);
         Self { fastest, slowest, is_neutral, doubling_s: doubling.min_by(f64::total_cmp) }
     }
 }

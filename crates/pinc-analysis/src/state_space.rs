@@ -9,6 +9,11 @@ use pinc_ode::DynRhs;
 /// singular.
 const SINGULAR: f64 = 1e-11;
 
+/// How far eigenvalues may be off: so many times what rounding of the matrix moves them by, and this part
+/// of the largest.
+const MARGIN: f64 = 30.0;
+const ROUNDING: f64 = 1e-14;
+
 /// A state that takes part in a direction by less, squared, does not.
 const PART: f64 = 1e-4;
 
@@ -36,6 +41,11 @@ impl Complex {
     pub fn times(self, factor: f64) -> Self {
         Self { re: self.re * factor, im: self.im * factor }
     }
+}
+
+fn eigenvalues(a: &Mat<f64>) -> Vec<Complex> {
+    let values = a.eigenvalues().unwrap_or_default();
+    values.iter().map(|v| Complex { re: v.re, im: v.im }).collect()
 }
 
 /// A linear plant x' = A x + B u, y = C x.
@@ -176,11 +186,24 @@ impl StateSpace {
         }
     }
 
-    /// The eigenvalues of A in 1/s; none if they cannot be computed.
+    /// The eigenvalues of A in 1/s; none if they cannot be computed. What rounding alone makes of one or
+    /// of its real part is 0: how much that is, is seen from entries that are off by rounding, since
+    /// eigenvalues of integrators in a row are off by its root.
     #[must_use]
     pub fn eigenvalues(&self) -> Vec<Complex> {
-        let values = self.a.eigenvalues().unwrap_or_default();
-        values.iter().map(|v| Complex { re: v.re, im: v.im }).collect()
+        let n = self.a.nrows();
+        let off =
+            |i: usize, j: usize| if (i + 2 * j) % 3 == 0 { f64::EPSILON } else { -f64::EPSILON };
+        let rounded = eigenvalues(&Mat::from_fn(n, n, |i, j| self.a[(i, j)] * (1.0 + off(i, j))));
+        let values = eigenvalues(&self.a);
+        let fastest = values.iter().fold(0.0, |most: f64, value| most.max(value.abs()));
+        let known = |value: &Complex| {
+            let moved = rounded.iter().map(|v| (v.re - value.re).hypot(v.im - value.im));
+            let margin = MARGIN * moved.fold(f64::INFINITY, f64::min) + ROUNDING * fastest;
+            let im = if value.abs() <= margin { 0.0 } else { value.im };
+            Complex { re: if value.re.abs() <= margin { 0.0 } else { value.re }, im }
+        };
+        values.iter().map(known).collect()
     }
 
     /// The static gain -C A^-1 B from the inputs to the outputs; `None` if A is singular: the plant

@@ -101,14 +101,14 @@ fn modes(subject: &Subject<'_>, point: &OperatingPoint) -> Option<Vec<Complex>> 
 }
 
 fn describe(subject: &Subject<'_>, modes: &[Complex]) -> String {
-    let (fastest, unit) = (TimeScales::of(modes).fastest, subject.rate_unit());
+    let unit = subject.rate_unit();
     let one = |mode: &Complex| {
         let imaginary = match mode.im {
             0.0 => String::new(),
             im if im < 0.0 => format!(" -{}i", subject.rate(-im)),
             im => format!(" +{}i", subject.rate(im)),
         };
-        let meaning = match Growth::of(*mode, fastest) {
+        let meaning = match Growth::of(*mode) {
             Growth::Neutral => "neither grows nor decays".to_owned(),
             Growth::Decays { time_constant_s } => {
                 format!("time constant {}", subject.time(time_constant_s))
@@ -122,8 +122,8 @@ fn describe(subject: &Subject<'_>, modes: &[Complex]) -> String {
     }
     let mut sorted: Vec<&Complex> = modes.iter().collect();
     sorted.sort_by(|a, b| b.abs().total_cmp(&a.abs()));
-    let growing = modes.iter().filter(|m| matches!(Growth::of(**m, fastest), Growth::Grows { .. }));
-    let neutral = modes.iter().filter(|m| Growth::of(**m, fastest) == Growth::Neutral);
+    let growing = modes.iter().filter(|m| matches!(Growth::of(**m), Growth::Grows { .. }));
+    let neutral = modes.iter().filter(|m| Growth::of(**m) == Growth::Neutral);
     let mut text = format!(
         "{}: {} grow, {} neither grow nor decay; the fastest {}, the slowest {}",
         modes.len(),

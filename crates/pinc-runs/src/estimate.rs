@@ -68,7 +68,10 @@ pub fn estimate(
         estimator(experiment, model, only)?;
     let text = read_file(data)?;
     let initial_input = initial_input.as_deref();
-    let found = run((filter.as_mut(), initial_input), &text, &variables, &measured, sample_time_s);
+    let mut constants = experiment.plant.parameter_names();
+    constants.retain(|parameter| !names.contains(parameter));
+    let quantities = (&variables, &measured[..], &constants[..]);
+    let found = run((filter.as_mut(), initial_input), &text, quantities, sample_time_s);
     let at = |(line, problem): At| RunError::Csv { path: data.to_owned(), line, problem };
     let Run { t, history, step_us } = found.map_err(at)?;
     let estimator = feedback::metrics(&history, (&variables.state_names(), &measured), step_us);
@@ -156,12 +159,12 @@ struct Run {
 fn run(
     (filter, initial_input): (&mut dyn Estimator, Option<&[f64]>),
     text: &[u8],
-    variables: &Variables,
-    measured: &[String],
+    (variables, measured, constants): (&Variables, &[String], &[String]),
     sample_time_s: f64,
 ) -> Result<Run, At> {
     let (header, rows) = rows(text)?;
-    let columns = Columns::find(&header, variables, measured).map_err(|problem| (1, problem))?;
+    let columns = Columns::find(&header, variables, measured, constants);
+    let columns = columns.map_err(|problem| (1, problem))?;
     let mut run = Run::default();
     let mut before: Option<(f64, Vec<f64>)> = None;
     for row in rows {

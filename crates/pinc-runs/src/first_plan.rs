@@ -36,7 +36,7 @@ pub(super) fn first_plan(
 /// The times of a recording, counted from its first row, and its inputs.
 fn recorded(variables: &Variables, text: &[u8]) -> Result<(Vec<f64>, Vec<Vec<f64>>), At> {
     let (header, rows) = rows(text)?;
-    let columns = Columns::find(&header, variables, &[]);
+    let columns = Columns::find(&header, variables, &[], &[]);
     let columns = columns.map_err(|problem| (1, problem))?.without_truth();
     let (mut times, mut inputs): (Vec<f64>, Vec<Vec<f64>>) = (Vec::new(), Vec::new());
     for row in rows {

@@ -21,11 +21,18 @@ pub(super) struct DataRow {
 }
 
 impl Columns {
+    /// Finds the columns, of which none may have a name of `constants`.
     pub(super) fn find(
         header: &StringRecord,
         variables: &Variables,
         measured: &[String],
+        constants: &[String],
     ) -> Result<Self, String> {
+        if let Some(column) = header.iter().find(|column| constants.iter().any(|c| c == column)) {
+            return Err(format!(
+                "column `{column}` is a parameter, which is constant here; expected no such column"
+            ));
+        }
         let inputs = variables.input_names();
         let measured: Vec<_> = measured.iter().map(|name| format!("y_{name}")).collect();
         let expected = [&["t".to_owned()][..], &inputs, &measured].concat();

@@ -164,10 +164,7 @@ fn the_tangent_of_a_plant_has_its_derivatives() {
     assert!((tangent.static_gain().unwrap().matrix[0] - 1.0 / 3.0).abs() < 1e-12);
     let scales = TimeScales::of(&modes);
     assert_eq!(scales.doubling_s, None);
-    assert!(
-        (Growth::of(modes[0], scales.fastest)
-            == Growth::Decays { time_constant_s: -1.0 / modes[0].re })
-    );
+    assert!((Growth::of(modes[0]) == Growth::Decays { time_constant_s: -1.0 / modes[0].re }));
     let nowhere = OperatingPoint { x: vec![f64::NAN, 0.0], u: vec![0.0] };
     assert!(StateSpace::tangent(&plant, &nowhere, &[0]).is_none());
 }
@@ -176,4 +173,37 @@ fn the_tangent_of_a_plant_has_its_derivatives() {
 fn points_off_a_plane_have_none() {
     let samples = [[0.0, 0.0], [1.0, 1.0], [1.0, 0.0]].map(Vec::from);
     assert_eq!(common_plane(&samples, &[1.0, 1.0]), None);
+}
+
+/// However fast another mode is, a slow one is told from an integrator; and integrators in a row, seen in
+/// mixed states, are known for what they are.
+#[test]
+fn slow_modes_and_integrators_are_told_apart() {
+    for slow in [-1.0, 5.0] {
+        let stiff = StateSpace::new(&[-1e8, 1e8, 0.0, slow], &[0.0, 1.0], &[0.0, 1.0], 2);
+        let growth = stiff.eigenvalues().into_iter().map(Growth::of);
+        let grows = growth.filter(|growth| matches!(growth, Growth::Grows { .. })).count();
+        assert_eq!(grows, usize::from(slow > 0.0));
+        assert!((TimeScales::of(&stiff.eigenvalues()).slowest.unwrap() - slow.abs()).abs() < 1e-6);
+    }
+    // A = T N T^-1 with N all integrators in a row but for one stable mode: T and its inverse.
+    let t =
+        [[1.0, 2.0, 0.5, 0.3], [0.2, 1.0, 0.7, -0.4], [-0.6, 0.1, 1.0, 0.9], [0.4, -0.8, 0.2, 1.0]];
+    let t = faer::Mat::from_fn(4, 4, |i, j| t[i][j]);
+    for integrators in [1, 2, 3] {
+        let n = faer::Mat::from_fn(4, 4, |i, j| match (i, j) {
+            (3, 3) => -2.0,
+            (i, j) if j == i + 1 && j < integrators => 1.0,
+            (i, j) if i == j && i >= integrators => -1.0 - i as f64,
+            _ => 0.0,
+        });
+        let a = faer::linalg::solvers::Solve::solve(
+            &t.transpose().partial_piv_lu(),
+            (&t * n).transpose(),
+        );
+        let a: Vec<f64> = (0..16).map(|k| a[(k % 4, k / 4)]).collect();
+        let modes = StateSpace::new(&a, &[1.0; 4], &[1.0; 4], 4).eigenvalues();
+        let neutral = modes.iter().filter(|mode| Growth::of(**mode) == Growth::Neutral).count();
+        assert_eq!(neutral, integrators, "{modes:?}");
+    }
 }

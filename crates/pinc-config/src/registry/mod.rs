@@ -49,7 +49,8 @@ impl PlantSpec {
     }
 
     /// The names of these parameters.
-    pub(crate) fn parameter_names(&self) -> Vec<String> {
+    #[must_use]
+    pub fn parameter_names(&self) -> Vec<String> {
         self.parameters().into_keys().collect()
     }
 

@@ -7,12 +7,16 @@ use crate::registry::Variables;
 use crate::{DataSpec, Experiment, PlantSpec};
 use pinc_net::Domain;
 
-/// The tables of a run have a state's truth, its reference and its initial value beside it, and an
-/// output's reference, in columns named by these endings.
-const ENDINGS: [&str; 3] = ["_truth", "_ref", "_0"];
+/// The tables of a run have a state's truth, reference, initial value, standard deviation, error and
+/// bound beside it, and an output's reference, in columns named by these endings.
+const ENDINGS: [&str; 6] = ["_truth", "_ref", "_0", "_sd", "_err", "_bound"];
+
+/// How the columns of what is measured begin, and those of disturbances.
+const MEASURED: [&str; 2] = ["y_", "innovation_"];
+const DISTURBANCE: &str = "d_";
 
 /// Columns of their own in these tables.
-const TAKEN: [&str; 3] = ["t", "mark", "scenario"];
+const TAKEN: [&str; 7] = ["t", "mark", "scenario", "nis", "nees", "rejected", "error"];
 
 /// Checks that names and units have no control characters, which the files of a run and of an
 /// export cannot have.
@@ -54,13 +58,9 @@ pub(super) fn column_names(plant: &PlantSpec, variables: &Variables) -> Checked 
         all.iter().enumerate().map(move |(i, v)| (format!("{list}[{i}]"), v.name.as_ref()))
     });
     let outputs = own.map(|(_, v)| (format!("outputs.{}", v.name), v.name.as_ref()));
-    let stems: Vec<&str> =
-        variables.states.iter().chain(&variables.outputs).map(|v| v.name.as_ref()).collect();
+    let columns = columns(variables);
     for (place, name) in listed.chain(outputs) {
-        let belongs_to = ENDINGS.iter().find_map(|ending| {
-            let stem = name.strip_suffix(ending)?;
-            stems.contains(&stem).then_some(stem)
-        });
+        let belongs_to = columns.iter().find(|(column, _)| column == name).map(|(_, of)| of);
         let expected = match belongs_to {
             Some(stem) => {
                 format!("another name: this one is a column of {stem} in tables of runs")
@@ -79,15 +79,26 @@ pub(super) fn column_names(plant: &PlantSpec, variables: &Variables) -> Checked 
     Ok(())
 }
 
+/// The columns of variables, each with the name of the variable.
+fn columns(variables: &Variables) -> Vec<(String, &str)> {
+    let Variables { states, inputs, outputs } = variables;
+    let ended = states.iter().chain(outputs).flat_map(|v| ENDINGS.map(|ending| (v, ending)));
+    let ended = ended.map(|(v, ending)| (format!("{}{ending}", v.name), v.name.as_ref()));
+    let measured = MEASURED.into_iter().flat_map(|start| outputs.iter().map(move |v| (start, v)));
+    let begun =
+        measured.chain(states.iter().chain(inputs).chain(outputs).map(|v| (DISTURBANCE, v)));
+    ended.chain(begun.map(|(start, v)| (format!("{start}{}", v.name), v.name.as_ref()))).collect()
+}
+
 /// Checks the parameters that are trained with the net.
 pub(super) fn unknown_parameters(experiment: &Experiment, data: &DataSpec) -> Checked {
     parameters(|i| format!("data.parameters[{i}]"), &data.parameters, experiment)?;
+    if !experiment.varying().is_empty() {
+        let expected = "no such key with [domain.parameters]: the measurements are of one plant";
+        return value("data.files", format!("{:?}", data.files), expected);
+    }
     if data.parameters.is_empty() {
         return Ok(());
-    }
-    if !experiment.varying().is_empty() {
-        let expected = "no such key with [domain.parameters]: the net is of one plant";
-        return value("data.parameters", format!("{:?}", data.parameters), expected);
     }
     if !data.held_out.is_empty() {
         let expected = "no such key with data.parameters: the last net is kept";

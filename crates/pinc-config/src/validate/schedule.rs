@@ -18,7 +18,8 @@ pub(super) fn schedules(experiment: &Experiment, spec: &ControlSpec) -> Checked 
     let varying: Vec<String> = experiment.varying().into_iter().map(str::to_owned).collect();
     let own = experiment.plant_in_the_loop().parameter_names();
     if !spec.parameter_schedule.is_empty() && spec.estimator.is_some() {
-        let expected = "no such key with [control.estimator], which estimates parameters";
+        let expected =
+            "no such key with [control.estimator], whose parameters are constant or estimated";
         return value("control.parameter_schedule", "a list", expected);
     }
     measured(spec, &varying)?;
@@ -162,7 +163,10 @@ fn measured(spec: &ControlSpec, varying: &[String]) -> Checked {
     }
     let also_gives = "control.parameter_schedule, which also gives parameters";
     let others = [
-        ("[control.estimator], which estimates parameters", spec.estimator.is_some()),
+        (
+            "[control.estimator], whose parameters are constant or estimated",
+            spec.estimator.is_some(),
+        ),
         (also_gives, !spec.parameter_schedule.is_empty()),
     ];
     alone(key, format!("{measured:?}"), "key", &others)

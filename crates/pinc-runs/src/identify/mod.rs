@@ -86,8 +86,9 @@ pub fn identify(
     let net = net.as_ref().filter(|_| kind == ModelKind::Pinc);
     let variables = experiment.plant.variables();
     let measured = spec.measurement().names(&variables);
+    let parameters = experiment.plant.parameter_names();
     let tables = |files: &[PathBuf]| -> Result<Vec<_>, _> {
-        files.iter().map(|path| read(path, &variables, &measured)).collect()
+        files.iter().map(|path| read(path, &variables, &measured, &parameters)).collect()
     };
     let fitted = tables(data)?;
     let sample_time_s = step_s(experiment, spec, net, &fitted);
@@ -167,11 +168,16 @@ fn first_integrator(experiment: &Experiment) -> ModelKind {
 /// The rows of a file, with their lines.
 type Rows = Vec<(u64, DataRow)>;
 
-fn read(path: &Path, variables: &Variables, measured: &[String]) -> Result<Rows, RunError> {
+fn read(
+    path: &Path,
+    variables: &Variables,
+    measured: &[String],
+    parameters: &[String],
+) -> Result<Rows, RunError> {
     let text = read_file(path)?;
     let at = |(line, problem)| RunError::Csv { path: path.to_owned(), line, problem };
     let (header, rows) = rows(&text).map_err(at)?;
-    let columns = Columns::find(&header, variables, measured);
+    let columns = Columns::find(&header, variables, measured, parameters);
     let columns = columns.map_err(|problem| at((1, problem)))?.without_truth();
     let mut all = Rows::new();
     for row in rows {

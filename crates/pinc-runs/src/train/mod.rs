@@ -81,7 +81,8 @@ pub(crate) fn stage(
     let tolerance = &setup.training.proven_tolerance;
     let (outcome, certificate) = match outcome {
         Ok(reason) if !tolerance.is_empty() => {
-            match session.prove(experiment, tolerance, (threads, options, run_dir), work) {
+            let effort = &setup.training.effort;
+            match session.prove(experiment, tolerance, effort, (threads, options, run_dir), work) {
                 Ok(certificate) => (Ok(reason), Some(certificate)),
                 Err(error) => (Err(error), None),
             }
@@ -240,7 +241,7 @@ impl Session {
                 self.write_checkpoint(run_dir)?;
                 return Err(stop);
             }
-            if effort.time_limit_s.is_some_and(|limit| self.wall().as_secs_f64() >= limit) {
+            if self.is_over(effort) {
                 return Ok(TIME_LIMIT.to_owned());
             }
             if last_look.elapsed() >= threads.every {
@@ -275,14 +276,19 @@ impl Session {
         &mut self,
         experiment: &Experiment,
         tolerance: &BTreeMap<String, f64>,
+        effort: &Effort,
         (threads, options, run_dir): (&Threads<'_>, &Options<'_>, &RunDir),
         mut work: impl FnMut(&mut Self) -> Result<String, RunError>,
     ) -> Result<Box<Certificate>, RunError> {
         let refused = |reason: String| proof::not_proven(experiment, &reason);
+        let too_late = || refused("training.time_limit_s is over".to_owned());
         for _ in 0..MOST_ROUNDS {
             let (net, threads) = (self.trainer.net(), (threads.now)());
             let tolerance = proof::tolerances(&net, tolerance);
-            let check = || options.check_interrupt(run_dir.dir());
+            let check = || match self.is_over(effort) {
+                true => Err(too_late()),
+                false => options.check_interrupt(run_dir.dir()),
+            };
             let workers = (threads, options.verbosity);
             match proof::attempt(experiment, &net, &tolerance, workers, &check)? {
                 Attempt::Proven(certificate) => return Ok(certificate),
@@ -301,7 +307,7 @@ impl Session {
             self.trainer.refine(&worst)?;
             self.stage.set_total(self.trainer.totals().iterations + Trainer::REFINEMENT);
             if work(self)? == TIME_LIMIT {
-                return Err(refused("training.time_limit_s is over".to_owned()));
+                return Err(too_late());
             }
         }
         Err(refused(format!(
@@ -320,6 +326,11 @@ impl Session {
             Some(mse) => format!("loss {:.2e}, validation MSE {mse:.2e}", iterated.loss),
             None => format!("loss {:.2e}", iterated.loss),
         });
+    }
+
+    /// Whether `time_limit_s` is over.
+    fn is_over(&self, effort: &Effort) -> bool {
+        effort.time_limit_s.is_some_and(|limit| self.wall().as_secs_f64() >= limit)
     }
 
     fn wall(&self) -> Duration {
