@@ -28,7 +28,7 @@ const MOST_FROM_SCRATCH: usize = 100;
 #[non_exhaustive]
 pub enum QpMethod {
     /// `Condensed` where it takes fewer operations, and for programs that couple all inputs;
-    /// `Riccati` for others and for scenario trees, which leaves programs of up to 100 free inputs that it has no good
+    /// `Riccati` for others, for plants whose states grow much over the horizon and for scenario trees, which leaves programs of up to 100 free inputs that it has no good
     /// guess for to `Condensed`; where that fails, `Clarabel`, if this crate is built with it.
     #[default]
     Auto,
@@ -93,7 +93,8 @@ impl fmt::Display for QpMethod {
 #[derive(Debug)]
 pub struct ChosenQp {
     method: Box<dyn QpSolver>,
-    fallback: Option<Box<dyn QpSolver>>,
+    /// One after the other.
+    fallbacks: Vec<Box<dyn QpSolver>>,
 }
 
 impl ChosenQp {
@@ -110,6 +111,7 @@ impl ChosenQp {
             QpMethod::Condensed if method == QpMethod::Auto && !chain => QpMethod::Riccati,
             resolved => resolved,
         };
+        let leaves_unstable = method == QpMethod::Auto && chain && stagewise;
         let chosen: Box<dyn QpSolver> = match resolved {
             QpMethod::Riccati if stagewise => {
                 let from_scratch = few.then(|| CondensedQp::new(qp));
@@ -119,15 +121,21 @@ impl ChosenQp {
             QpMethod::Clarabel => general(qp).ok_or(QpError::NoClarabel)?,
             _ if !chain && !stagewise => return Err(QpError::NotStagewise),
             QpMethod::Condensed if !chain => return Err(QpError::CondensedTree),
+            QpMethod::Condensed if leaves_unstable => {
+                Box::new(CondensedQp::new(qp).of_stable_plants())
+            }
             QpMethod::Condensed | QpMethod::Riccati | QpMethod::Auto => {
                 Box::new(CondensedQp::new(qp))
             }
         };
-        let fallback = match method {
-            QpMethod::Auto | QpMethod::Riccati => general(qp),
-            QpMethod::Condensed | QpMethod::Clarabel => None,
-        };
-        Ok(Self { method: chosen, fallback })
+        let mut fallbacks = Vec::new();
+        if leaves_unstable && resolved == QpMethod::Condensed {
+            fallbacks.push(Box::new(RiccatiQp::new(qp)) as Box<dyn QpSolver>);
+        }
+        if matches!(method, QpMethod::Auto | QpMethod::Riccati) {
+            fallbacks.extend(general(qp));
+        }
+        Ok(Self { method: chosen, fallbacks })
     }
 }
 
@@ -150,26 +158,25 @@ fn checked(status: QpStatus, step: &QpStep) -> QpStatus {
 
 impl QpSolver for ChosenQp {
     fn solve(&mut self, qp: &Qp, step: &mut QpStep, expired: &mut dyn FnMut() -> bool) -> QpStatus {
-        let status = checked(self.method.solve(qp, step, expired), step);
-        match &mut self.fallback {
-            Some(_) if status == QpStatus::Failed && expired() => {
+        let mut status = checked(self.method.solve(qp, step, expired), step);
+        for fallback in &mut self.fallbacks {
+            if status != QpStatus::Failed {
+                break;
+            }
+            if expired() {
                 step.d.fill(0.0);
                 step.multipliers.clear();
-                QpStatus::Expired
+                return QpStatus::Expired;
             }
-            Some(fallback) if status == QpStatus::Failed => {
-                tracing::debug!("a quadratic program is left to Clarabel");
-                checked(fallback.solve(qp, step, expired), step)
-            }
-            _ => status,
+            tracing::debug!("a quadratic program is left to another method");
+            status = checked(fallback.solve(qp, step, expired), step);
         }
+        status
     }
 
     fn take_work(&mut self) -> QpWork {
         let mut work = self.method.take_work();
-        if let Some(fallback) = &mut self.fallback {
-            work += fallback.take_work();
-        }
+        self.fallbacks.iter_mut().for_each(|fallback| work += fallback.take_work());
         work
     }
 }
@@ -211,7 +218,10 @@ mod tests {
     ) -> (QpStatus, f64, usize) {
         let scripted =
             |(status, d)| -> Box<dyn QpSolver> { Box::new(Scripted { status, d, calls: 0 }) };
-        let mut solver = ChosenQp { method: scripted(first), fallback: second.map(scripted) };
+        let mut solver = ChosenQp {
+            method: scripted(first),
+            fallbacks: second.map(scripted).into_iter().collect(),
+        };
         let qp = program();
         let mut step = QpStep::new(qp.dims);
         step.multipliers.bounds.fill(1.0);
@@ -258,6 +268,25 @@ mod tests {
         assert_eq!(built(MOST_FROM_SCRATCH + 1, QpMethod::Auto), (true, false));
         assert_eq!(built(MOST_FROM_SCRATCH, QpMethod::Riccati), (true, false));
         assert_eq!(built(2, QpMethod::Auto), (false, true));
+    }
+
+    /// A plant that grows by e^2 in a step: condensed, its first inputs lose all digits.
+    #[test]
+    fn what_grows_much_over_the_horizon_is_left_to_the_recursion() {
+        let horizon = 14;
+        let mut qp = Qp::new(OcpDims::new(1, 1, horizon), vec![1.0; horizon], vec![0.1; horizon]);
+        (qp.a, qp.b) = (vec![2.0_f64.exp(); horizon], vec![0.3; horizon]);
+        qp.c[0] = 1.0;
+        let solve = |method| {
+            let mut step = QpStep::new(qp.dims);
+            let status = ChosenQp::new(&qp, method).unwrap().solve(&qp, &mut step, &mut || false);
+            assert_eq!(status, QpStatus::Solved);
+            step.d
+        };
+        let exact = solve(QpMethod::Riccati);
+        let off = |d: &[f64]| d.iter().zip(&exact).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+        assert!(off(&solve(QpMethod::Auto)) < 1e-12);
+        assert!(off(&solve(QpMethod::Condensed)) > 1e-9);
     }
 
     /// Where the methods cross in `benches/growth.rs` of pinc-mpc.

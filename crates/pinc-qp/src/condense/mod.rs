@@ -9,6 +9,9 @@ use crate::{OcpDims, RowBlock};
 use panels::Panels;
 use pinc_ad::simd::{Simd, Task};
 
+/// The growth from which on other methods are more exact.
+const MOST_GROWTH: f64 = 1e5;
+
 /// Solves a [`Qp`] by eliminating its states and giving what is left, a small dense program in the
 /// inputs, to the active-set method.
 ///
@@ -28,6 +31,8 @@ use pinc_ad::simd::{Simd, Task};
 /// Only finite limits become rows. All memory is allocated at construction.
 #[derive(Debug)]
 pub(super) struct CondensedQp {
+    /// By what factor states may grow over the horizon: H has the square of it beside its smallest terms.
+    most_growth: f64,
     dense: DenseQp,
     solver: ActiveSet,
     rows: DenseRows,
@@ -98,7 +103,13 @@ impl CondensedQp {
                 dense.matrix[before * height + row] = -1.0;
             }
         }
-        Self { solver: ActiveSet::new(unknowns, height), dense, rows, panels: Panels::new(dims) }
+        let (solver, panels) = (ActiveSet::new(unknowns, height), Panels::new(dims));
+        Self { most_growth: f64::INFINITY, solver, dense, rows, panels }
+    }
+
+    /// Fails on programs of plants that are too unstable over the horizon for exact solutions.
+    pub(super) fn of_stable_plants(self) -> Self {
+        Self { most_growth: MOST_GROWTH, ..self }
     }
 
     /// How many rows joined or left the working set in the last solution.
@@ -332,6 +343,9 @@ impl QpSolver for CondensedQp {
     fn solve(&mut self, qp: &Qp, step: &mut QpStep, expired: &mut dyn FnMut() -> bool) -> QpStatus {
         if !self.condense(qp, expired) {
             return nothing_yet(step);
+        }
+        if self.most_growth < f64::INFINITY && self.panels.growth(qp.dims) > self.most_growth {
+            return QpStatus::Failed;
         }
         self.guess(qp, step);
         match self.solver.solve(&self.dense, expired) {

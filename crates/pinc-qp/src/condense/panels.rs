@@ -61,6 +61,17 @@ impl Panels {
         block(&self.states, j * n + i, self.stride)
     }
 
+    /// How much more the first inputs move the last state than the last n of them do, which reach all of a
+    /// controllable state.
+    pub(super) fn growth(&self, dims: OcpDims) -> f64 {
+        let size = |g: &[f64]| g.iter().fold(0.0, |most: f64, g| most.max(g.abs()));
+        let late = 1 + dims.n_controls.saturating_sub(dims.nx) * dims.nu;
+        let rows = self.state(dims.horizon - 1);
+        let sizes = rows.map(|row| (size(&row[1..late]), size(&row[late..])));
+        let reached = sizes.filter(|(_, late)| *late > 0.0);
+        reached.map(|(early, late)| early / late).fold(0.0, f64::max)
+    }
+
     /// Writes H, on and below the diagonal, and the gradient. Whether it came to the end before
     /// `expired` said that the time is up.
     pub(super) fn condense(
