@@ -17,6 +17,9 @@ const STIFF: f64 = 10.0;
 /// is four times as large when it can be answered.
 const MOST_DOUBLINGS: f64 = 2.0;
 
+/// The growth over a horizon from which on condensed programs are inexact.
+const MOST_GROWTH: f64 = 1e5;
+
 /// Points between two references, and points of the closed loop, at which integrators are examined.
 const BETWEEN: u32 = 8;
 const POINTS: usize = 200;
@@ -59,6 +62,7 @@ pub(crate) fn examine(subject: &Subject<'_>) -> Vec<Finding> {
                 None => TimeScales::of(&modes),
             };
             findings.extend(sample_time(subject, &place, &scales));
+            findings.extend(growth(subject, &scales));
         }
         found.push((place, modes));
     }
@@ -257,6 +261,26 @@ fn sample_time(subject: &Subject<'_>, place: &str, scales: &TimeScales) -> Optio
                 "a T of {} or less (model.horizon_s or control.step_s)",
                 subject.time(1.0 / slowest)
             ))
+    })
+}
+
+/// A plant whose deviations grow so much over the horizon that programs lose digits without the states.
+fn growth(subject: &Subject<'_>, scales: &TimeScales) -> Option<Finding> {
+    let (control, doubling) = (subject.experiment.control.as_ref()?, scales.doubling_s?);
+    let horizon = control.horizon_s(subject.step_s());
+    let growth = (horizon / doubling).exp2();
+    (growth > MOST_GROWTH).then(|| {
+        let what = format!(
+            "a deviation grows by a factor {} over the horizon of {}",
+            short(growth),
+            subject.time(horizon)
+        );
+        Finding::warning("control.n2", what)
+            .because(
+                "programs in the inputs alone lose digits: exported C and sqp.qp = \"condensed\" \
+                 may fail",
+            )
+            .change("a shorter horizon; with sqp.qp = \"auto\" the library loses none")
     })
 }
 
