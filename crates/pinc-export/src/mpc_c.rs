@@ -13,7 +13,7 @@ use crate::start_c::set_start;
 use crate::template::{Template, array, constant, places, table};
 use crate::tube_c::set_tube;
 use crate::{ExportError, GeneratedFile, Name, feedback_c};
-use pinc_mpc::{Nmpc, ProblemUnits, Softness, Weight};
+use pinc_mpc::{Memory, Nmpc, ProblemUnits, Softness, Weight};
 use pinc_ode::Dims;
 
 /// Steps of the self-test.
@@ -22,6 +22,10 @@ const STEPS: usize = 20;
 /// What an input of the self-test may differ by in double and in float, relative to 1 + its size.
 /// In float the iteration ends earlier.
 const TOLERANCES: [&str; 2] = ["1e-8", "1e-3"];
+
+/// What rounding in double and in float may make of a state, relative to its size, and what an input that it
+/// does not decide may differ by.
+const ROUNDING: [(f64, f64); 2] = [(1e-13, 1e-8), (1e-6, 1e-3)];
 
 /// The tolerances with the unscented filter. Its points are close together in double, which leaves
 /// rounding, and far apart in float, which makes another filter.
@@ -368,6 +372,8 @@ fn set_selftest(
     let width = controller.reference.outputs();
     let mut window = vec![0.0; controller.problem.horizon * width];
     let (mut states, mut windows, mut inputs) = (Vec::new(), Vec::new(), Vec::new());
+    let mut fresh = Vec::new();
+    nmpc.remember(&mut Memory::save(&mut fresh));
     for k in 0..STEPS.min(controller.reference.steps()) {
         controller.window(k, &mut window);
         let u = nmpc.step(&x, &window)?.u.to_vec();
@@ -379,9 +385,32 @@ fn set_selftest(
         x = next;
     }
     finite("the loop of the self-test", states.iter().chain(&inputs).flatten())?;
+    let [double, float] = ROUNDING.map(|rounding| {
+        nmpc.remember(&mut Memory::restore(&fresh));
+        steady_steps(&mut nmpc, [&states[..], &windows[..], &inputs[..]], rounding)
+    });
+    t.set("FLOAT_STEPS", float?).set("DOUBLE_STEPS", double?);
     let tables = [table("x", &states), table("rows", &windows), table("u", &inputs)];
     t.set("STEPS", inputs.len()).set("TABLES", tables.concat());
     Ok(())
+}
+
+/// After how many steps `rounding` of the states decides an input, by more than the tolerance: as in steps
+/// that do not converge. The generated controller need not take those of the library from there on.
+fn steady_steps(
+    nmpc: &mut Nmpc,
+    [states, windows, inputs]: [&[Vec<f64>]; 3],
+    (rounding, tolerance): (f64, f64),
+) -> Result<usize, ExportError> {
+    for (k, ((x, window), u)) in states.iter().zip(windows).zip(inputs).enumerate() {
+        let sign = |i: usize| if (i + k) % 2 == 0 { rounding } else { -rounding };
+        let x: Vec<f64> = x.iter().enumerate().map(|(i, x)| x * (1.0 + sign(i))).collect();
+        let again = nmpc.step(&x, window)?.u;
+        if again.iter().zip(u).any(|(a, b)| (a - b).abs() > tolerance * (1.0 + b.abs())) {
+            return Ok(k);
+        }
+    }
+    Ok(inputs.len())
 }
 
 fn set_page(
