@@ -1,7 +1,7 @@
 //! The model description of FMI 2.0.
 
 use crate::Name;
-use crate::fmu::{Description, guid};
+use crate::fmu::{Description, GUID};
 use crate::fmu_variables::Role;
 use crate::origin::{Origin, attribute};
 use crate::template::constant;
@@ -33,7 +33,7 @@ impl Description<'_> {
              {kept}</CoSimulation>\n{}{}  <DefaultExperiment startTime=\"0\" stepSize=\"{}\"/>\n  \
              <ModelVariables>\n{}  </ModelVariables>\n{}</fmiModelDescription>\n",
             self.description(),
-            guid(origin),
+            GUID,
             attribute(&origin.version),
             self.any_step,
             self.units(),

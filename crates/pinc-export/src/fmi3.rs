@@ -2,7 +2,7 @@
 
 use crate::Name;
 use crate::fmi2::described;
-use crate::fmu::{Description, guid};
+use crate::fmu::{Description, GUID};
 use crate::fmu_variables::{Real, Role};
 use crate::origin::{Origin, attribute};
 use crate::template::constant;
@@ -40,7 +40,7 @@ impl Description<'_> {
              valueReference=\"0\" causality=\"independent\" variability=\"continuous\"/>\n{}  \
              </ModelVariables>\n{}</fmiModelDescription>\n",
             self.description(),
-            guid(origin),
+            GUID,
             attribute(&origin.version),
             self.any_step,
             self.units(),

@@ -14,8 +14,9 @@ use pinc_mpc::Bounds;
 use pinc_net::PincNet;
 use pinc_ode::{Dims, Variable};
 
-/// Substeps per T of a plant that is to be accurate.
-const FINE: f64 = 100.0;
+/// Substeps per T of a plant that is to be accurate, and how often as many are taken if they are too few.
+pub(crate) const FINE: usize = 100;
+pub(crate) const HALVINGS: u32 = 10;
 
 /// A net as the content of an FMU: model description and sources. It is a plant: inputs and outputs
 /// are the net's inputs and states by their names, and parameters `<state>_start` the initial states.
@@ -55,7 +56,11 @@ pub fn net_to_fmu(
     t.set("HEADER", "net").set("FIRST_SET", states.len());
     t.set("FIELDS", include_str!("../templates/fmu_net_fields.c"));
     t.set("BETWEEN", between);
-    t.set("REFUSAL", format!("a step takes whole multiples of {} s", net.sample_time_s()));
+    let whole = match has_time(net) {
+        true => String::new(),
+        false => format!("a step takes whole multiples of {} s, or ", net.sample_time_s()),
+    };
+    t.set("REFUSAL", whole + "the net has no finite value there");
     t.set("MODEL_CODE", include_str!("../templates/fmu_net.c"));
     let description = Description {
         variables: &variables,
@@ -262,10 +267,13 @@ pub fn plant_to_fmu(
             refresh += &format!("    s->reals[{variable}] = y[{place}];\n");
         }
     }
-    t.set("HEADER", header).set("RK", method).set("FIRST_SET", first_input).set("FIELDS", "");
+    t.set("HEADER", header).set("RK", method).set("FIRST_SET", first_input);
+    t.set("FIELDS", include_str!("../templates/fmu_plant_fields.c"));
     t.set("REFRESH", refresh).set("INPUTS", first_input);
-    t.set("FINE", constant(plant.sample_time_s / FINE));
-    t.set("REFUSAL", "the equations have no finite value there");
+    t.set("FINE", constant(plant.sample_time_s / FINE as f64)).set("HALVINGS", HALVINGS);
+    let too_fine = "the equations have no finite value there, or are too stiff for the integrator, \
+                    which model exchange does without";
+    t.set("REFUSAL", too_fine);
     t.set("MODEL_CODE", include_str!("../templates/fmu_plant.c"));
     let description = Description {
         variables: &variables,
@@ -401,7 +409,10 @@ impl Description<'_> {
         self.check_names()?;
         let starts: String =
             self.variables.iter().map(|v| format!("    {},\n", constant(v.start))).collect();
-        t.set("GUID", guid(origin)).set("REALS", self.variables.len()).set("STARTS", starts);
+        t.set("REALS", self.variables.len()).set("STARTS", starts);
+        let fixed = |v: &Real| v.role == Role::Start;
+        t.set("FIRST_FIXED", self.variables.iter().take_while(|v| !fixed(v)).count());
+        t.set("FIXED", self.variables.iter().filter(|v| fixed(v)).count());
         // C has no array of 0: without a status there is one that nothing names.
         t.set("STATUSES", self.statuses.len().max(1));
         let [fmi, upper, instance, state] = match self.version {
@@ -412,18 +423,17 @@ impl Description<'_> {
         t.set("FMI", fmi).set("FMI_UPPER", upper).set("INSTANCE", instance).set("STATE", state);
         self.set_kinds(&mut t);
         t.set("COMMON", include_str!("../templates/fmu_common.c"));
-        t.set("MODEL_PART", include_str!("../templates/fmu_model.c"));
-        let slave = match self.version {
-            FmiVersion::Two => include_str!("../templates/fmu2.c"),
-            FmiVersion::Three => include_str!("../templates/fmu3.c"),
-        };
-        let slave = t.file("fmu.c", slave);
-        let paths = [&slave].into_iter().chain(&sources).map(|file| file.path.clone());
+        let own = [format!("{}_fmu.c", name.as_str())];
+        let paths = own.into_iter().chain(sources.iter().map(|file| file.path.clone()));
         self.sources = paths.filter(|path| path.ends_with(".c")).collect();
-        let xml = match self.version {
-            FmiVersion::Two => self.xml2(name, origin),
-            FmiVersion::Three => self.xml3(name, origin),
+        let (xml, slave) = match self.version {
+            FmiVersion::Two => (self.xml2(name, origin), include_str!("../templates/fmu2.c")),
+            FmiVersion::Three => (self.xml3(name, origin), include_str!("../templates/fmu3.c")),
         };
+        let guid = guid(&origin.hash, &xml);
+        let xml = xml.replacen(GUID, &guid, 1);
+        t.set("GUID", guid).set("MODEL_PART", include_str!("../templates/fmu_model.c"));
+        let slave = t.file("fmu.c", slave);
         let mut files = vec![GeneratedFile::text("modelDescription.xml".to_owned(), xml)];
         if self.version == FmiVersion::Three {
             let path = "sources/buildDescription.xml".to_owned();
@@ -481,15 +491,16 @@ impl Description<'_> {
     }
 }
 
-/// The hash in the form of a GUID.
-pub(crate) fn guid(origin: &Origin) -> String {
-    let digits: String = origin
-        .hash
-        .chars()
-        .filter(char::is_ascii_hexdigit)
-        .chain(std::iter::repeat('0'))
-        .take(32)
-        .collect();
+/// Where a description has the GUID.
+pub(crate) const GUID: &str = "@GUID@";
+
+/// A GUID of the hash of what was exported, and of what the description says that it was exported as.
+fn guid(hash: &str, description: &str) -> String {
+    let digits = hash.chars().filter(char::is_ascii_hexdigit).chain(std::iter::repeat('0'));
+    // FNV-1a.
+    let mix = |sum: u64, byte| (sum ^ u64::from(byte)).wrapping_mul(0x0100_0000_01b3);
+    let sum = description.bytes().fold(0xcbf2_9ce4_8422_2325, mix);
+    let digits: String = digits.take(16).chain(format!("{sum:016x}").chars()).collect();
     let parts = [0..8, 8..12, 12..16, 16..20, 20..32].map(|range| digits[range].to_owned());
     format!("{{{}}}", parts.join("-"))
 }

@@ -39,7 +39,11 @@ typedef struct {
 @MODEL_PART@
 typedef struct {
     pinc_slave slave;
+    /* The mode behind the initialization. */
+    int run;
     fmi2CallbackFunctions callbacks;
+    /* The name, behind this. */
+    char *name;
 } pinc_instance;
 
 static pinc_slave *pinc_of(fmi2Component instance)
@@ -47,12 +51,13 @@ static pinc_slave *pinc_of(fmi2Component instance)
     return &((pinc_instance *)instance)->slave;
 }
 
-/* Logs an error. */
-static void pinc_say(fmi2Component c, const char *text)
+/* Logs why a call fails, which is no debug message that the importer switches on. */
+static void pinc_say(fmi2Component c, fmi2Status status, const char *text)
 {
-    const fmi2CallbackFunctions *callbacks = &((pinc_instance *)c)->callbacks;
-    if (callbacks->logger != NULL) {
-        callbacks->logger(callbacks->componentEnvironment, "@name@", fmi2Error, "error", "%s", text);
+    const pinc_instance *instance = (pinc_instance *)c;
+    const fmi2CallbackFunctions *to = &instance->callbacks;
+    if (to->logger != NULL) {
+        to->logger(to->componentEnvironment, instance->name, status, "error", "%s", text);
     }
 }
 
@@ -92,9 +97,11 @@ PINC_EXPORT fmi2Component PINC_FMI(fmi2Instantiate)(fmi2String name, fmi2Type ty
         }
         return NULL;
     }
-    instance = (pinc_instance *)calloc(1, sizeof(pinc_instance));
+    instance = (pinc_instance *)calloc(1, sizeof(pinc_instance) + strlen(name) + 1);
     if (instance != NULL) {
+        instance->run = (type == fmi2CoSimulation) ? PINC_STEPPING : PINC_EXCHANGING;
         instance->callbacks = *callbacks;
+        instance->name = strcpy((char *)(instance + 1), name);
         pinc_set_defaults(&instance->slave);
     }
     return instance;
@@ -106,78 +113,53 @@ PINC_EXPORT fmi2Status PINC_FMI(fmi2SetupExperiment)(fmi2Component c, fmi2Boolea
 {
     (void)toleranceDefined;
     (void)tolerance;
-    (void)stopTimeDefined;
-    (void)stopTime;
-    pinc_of(c)->time = startTime;
-    return fmi2OK;
+    return (pinc_set_up(c, startTime, stopTimeDefined, stopTime) != 0) ? fmi2OK : fmi2Error;
 }
 
 PINC_EXPORT fmi2Status PINC_FMI(fmi2EnterInitializationMode)(fmi2Component c)
 {
-    (void)pinc_begin_run(pinc_of(c));
-    return fmi2OK;
+    return pinc_initialize(c);
 }
 
 PINC_EXPORT fmi2Status PINC_FMI(fmi2GetReal)(fmi2Component c, const fmi2ValueReference vr[],
                                              size_t n, fmi2Real value[])
 {
-    pinc_slave *s = pinc_of(c);
     size_t i;
-    for (i = 0; i < n; i++) {
-        if (vr[i] >= PINC_REALS) {
-            return fmi2Error;
-        }
-        if (vr[i] < PINC_FIRST_SET) {
-            pinc_refresh(s);
-        }
-        value[i] = s->reals[vr[i]];
+    int good = pinc_is_readable(c);
+    for (i = 0; (i < n) && (good != 0); i++) {
+        good = pinc_read(c, vr[i], &value[i]);
     }
-    return fmi2OK;
+    return (good != 0) ? fmi2OK : fmi2Error;
 }
 
 PINC_EXPORT fmi2Status PINC_FMI(fmi2SetReal)(fmi2Component c, const fmi2ValueReference vr[],
                                              size_t n, const fmi2Real value[])
 {
-    pinc_slave *s = pinc_of(c);
     size_t i;
-    for (i = 0; i < n; i++) {
-        if ((vr[i] >= PINC_REALS) || (vr[i] < PINC_FIRST_SET)) {
-            return fmi2Error;
-        }
-        s->reals[vr[i]] = value[i];
+    int good = 1;
+    for (i = 0; (i < n) && (good != 0); i++) {
+        good = pinc_write(c, vr[i], value[i]);
     }
-    pinc_changed(s);
-    return fmi2OK;
+    pinc_apply(pinc_of(c));
+    return (good != 0) ? fmi2OK : fmi2Error;
 }
 
 PINC_EXPORT fmi2Status PINC_FMI(fmi2GetInteger)(fmi2Component c, const fmi2ValueReference vr[],
                                                 size_t n, fmi2Integer value[])
 {
-    pinc_slave *s = pinc_of(c);
     size_t i;
-    for (i = 0; i < n; i++) {
-        if (vr[i] >= PINC_STATUSES) {
-            return fmi2Error;
-        }
-        pinc_refresh(s);
-        value[i] = s->status[vr[i]];
+    int good = pinc_is_readable(c);
+    for (i = 0; (i < n) && (good != 0); i++) {
+        good = pinc_read_status(c, vr[i], &value[i]);
     }
-    return fmi2OK;
+    return (good != 0) ? fmi2OK : fmi2Error;
 }
 
 PINC_EXPORT fmi2Status PINC_FMI(fmi2DoStep)(fmi2Component c, fmi2Real from, fmi2Real length,
                                             fmi2Boolean noSetFMUStatePriorToCurrentPoint)
 {
-    const fmi2CallbackFunctions *callbacks = &((pinc_instance *)c)->callbacks;
     (void)noSetFMUStatePriorToCurrentPoint;
-    if (pinc_advance(pinc_of(c), from, length) == 0) {
-        return fmi2OK;
-    }
-    if (callbacks->logger != NULL) {
-        callbacks->logger(callbacks->componentEnvironment, "@name@", fmi2Error, "error",
-                          "the step of %g s from %g s was not taken: " PINC_REFUSAL, length, from);
-    }
-    return fmi2Error;
+    return pinc_do_step(c, from, length);
 }
 
 @EXCHANGE@/* ---- What this slave has not ---------------------------------------------------------------- */

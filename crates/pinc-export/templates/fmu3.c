@@ -32,6 +32,8 @@ typedef void (*fmi3LogMessageCallback)(fmi3InstanceEnvironment, fmi3Status, fmi3
 
 typedef struct {
     pinc_slave slave;
+    /* The mode behind the initialization. */
+    int run;
     fmi3InstanceEnvironment environment;
     fmi3LogMessageCallback log;
 } pinc_instance;
@@ -41,12 +43,12 @@ static pinc_slave *pinc_of(fmi3Instance instance)
     return &((pinc_instance *)instance)->slave;
 }
 
-/* Logs an error. */
-static void pinc_say(fmi3Instance c, const char *text)
+/* Logs why a call fails, which is no debug message that the importer switches on. */
+static void pinc_say(fmi3Instance c, fmi3Status status, const char *text)
 {
     const pinc_instance *instance = (pinc_instance *)c;
     if (instance->log != NULL) {
-        instance->log(instance->environment, fmi3Error, "error", text);
+        instance->log(instance->environment, status, "error", text);
     }
 }
 
@@ -86,6 +88,7 @@ PINC_EXPORT fmi3Instance PINC_FMI(fmi3InstantiateCoSimulation)(
     }
     instance = (pinc_instance *)calloc(1, sizeof(pinc_instance));
     if (instance != NULL) {
+        instance->run = PINC_STEPPING;
         instance->environment = environment;
         instance->log = log;
         pinc_set_defaults(&instance->slave);
@@ -99,60 +102,49 @@ PINC_EXPORT fmi3Status PINC_FMI(fmi3EnterInitializationMode)(
 {
     (void)toleranceDefined;
     (void)tolerance;
-    (void)stopTimeDefined;
-    (void)stopTime;
-    pinc_of(c)->time = startTime;
-    (void)pinc_begin_run(pinc_of(c));
-    return fmi3OK;
+    if (pinc_set_up(c, startTime, stopTimeDefined, stopTime) == 0) {
+        return fmi3Error;
+    }
+    return pinc_initialize(c);
 }
 
 PINC_EXPORT fmi3Status PINC_FMI(fmi3GetFloat64)(fmi3Instance c, const fmi3ValueReference vr[],
                                                 size_t n, fmi3Float64 values[], size_t nValues)
 {
-    pinc_slave *s = pinc_of(c);
     size_t i;
-    for (i = 0; i < n; i++) {
-        if ((vr[i] > PINC_REALS) || (i >= nValues)) {
-            return fmi3Error;
-        }
-        if ((vr[i] > 0) && (vr[i] - 1 < PINC_FIRST_SET)) {
-            pinc_refresh(s);
-        }
-        values[i] = (vr[i] == 0) ? s->time : s->reals[vr[i] - 1];
+    int good = pinc_is_readable(c);
+    for (i = 0; (i < n) && (i < nValues) && (good != 0); i++) {
+        values[i] = pinc_of(c)->time;
+        good = (vr[i] == 0) ? 1 : pinc_read(c, (size_t)vr[i] - 1, &values[i]);
     }
-    return fmi3OK;
+    return ((good != 0) && (n <= nValues)) ? fmi3OK : fmi3Error;
 }
 
 PINC_EXPORT fmi3Status PINC_FMI(fmi3SetFloat64)(fmi3Instance c, const fmi3ValueReference vr[],
                                                 size_t n, const fmi3Float64 values[],
                                                 size_t nValues)
 {
-    pinc_slave *s = pinc_of(c);
     size_t i;
-    for (i = 0; i < n; i++) {
-        if ((vr[i] < 1) || (vr[i] > PINC_REALS) || (vr[i] - 1 < PINC_FIRST_SET) || (i >= nValues)) {
-            return fmi3Error;
-        }
-        s->reals[vr[i] - 1] = values[i];
+    int good = 1;
+    for (i = 0; (i < n) && (i < nValues) && (good != 0); i++) {
+        /* The time, which is 0 and cannot be set, becomes a place that there is not. */
+        good = pinc_write(c, (size_t)vr[i] - 1, values[i]);
     }
-    pinc_changed(s);
-    return fmi3OK;
+    pinc_apply(pinc_of(c));
+    return ((good != 0) && (n <= nValues)) ? fmi3OK : fmi3Error;
 }
 
 PINC_EXPORT fmi3Status PINC_FMI(fmi3GetInt64)(fmi3Instance c, const fmi3ValueReference vr[],
                                               size_t n, int64_t values[], size_t nValues)
 {
-    pinc_slave *s = pinc_of(c);
     size_t i;
-    for (i = 0; i < n; i++) {
-        if ((vr[i] < PINC_FIRST_STATUS) || (vr[i] - PINC_FIRST_STATUS >= PINC_STATUSES) ||
-            (i >= nValues)) {
-            return fmi3Error;
-        }
-        pinc_refresh(s);
-        values[i] = s->status[vr[i] - PINC_FIRST_STATUS];
+    int status = 0;
+    int good = pinc_is_readable(c);
+    for (i = 0; (i < n) && (i < nValues) && (good != 0); i++) {
+        good = pinc_read_status(c, (size_t)vr[i] - PINC_FIRST_STATUS, &status);
+        values[i] = status;
     }
-    return fmi3OK;
+    return ((good != 0) && (n <= nValues)) ? fmi3OK : fmi3Error;
 }
 
 PINC_EXPORT fmi3Status PINC_FMI(fmi3DoStep)(fmi3Instance c, fmi3Float64 from, fmi3Float64 length,
@@ -161,16 +153,14 @@ PINC_EXPORT fmi3Status PINC_FMI(fmi3DoStep)(fmi3Instance c, fmi3Float64 from, fm
                                             fmi3Boolean *terminateSimulation,
                                             fmi3Boolean *earlyReturn, fmi3Float64 *lastTime)
 {
+    fmi3Status status;
     (void)noSetFMUStatePriorToCurrentPoint;
     *eventHandlingNeeded = false;
     *terminateSimulation = false;
     *earlyReturn = false;
-    if (pinc_advance(pinc_of(c), from, length) != 0) {
-        pinc_say(c, "the step was not taken: " PINC_REFUSAL);
-        return fmi3Error;
-    }
+    status = pinc_do_step(c, from, length);
     *lastTime = pinc_of(c)->time;
-    return fmi3OK;
+    return status;
 }
 
 @EXCHANGE@/* ---- What this slave has not ---------------------------------------------------------------- */

@@ -26,7 +26,11 @@ PINC_EXPORT fmi3Instance PINC_FMI(fmi3InstantiateModelExchange)(
     fmi3String name, fmi3String token, fmi3String resources, fmi3Boolean visible,
     fmi3Boolean logging, fmi3InstanceEnvironment environment, fmi3LogMessageCallback log)
 {
-    return PINC_FMI(fmi3InstantiateCoSimulation)(name, token, resources, visible, logging, false,
-                                                 false, NULL, 0, environment, log, NULL);
+    const fmi3Instance c = PINC_FMI(fmi3InstantiateCoSimulation)(
+        name, token, resources, visible, logging, false, false, NULL, 0, environment, log, NULL);
+    if (c != NULL) {
+        ((pinc_instance *)c)->run = PINC_EXCHANGING;
+    }
+    return c;
 }
 

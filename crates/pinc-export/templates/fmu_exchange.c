@@ -1,15 +1,19 @@
 /* ---- Model exchange: states and their derivatives, for the integrator of a tool -------------- */
 
+/* Whether the integrator of a tool is at work. */
+static int pinc_exchanges(@INSTANCE@ c, int modes)
+{
+    return pinc_is_in(c, modes, "model exchange begins with the initialization");
+}
+
 PINC_EXPORT @FMI@Status PINC_FMI(@FMI@EnterContinuousTimeMode)(@INSTANCE@ c)
 {
-    (void)c;
-    return @FMI@OK;
+    return (pinc_exchanges(c, PINC_EXCHANGING) != 0) ? @FMI@OK : @FMI@Error;
 }
 
 PINC_EXPORT @FMI@Status PINC_FMI(@FMI@EnterEventMode)(@INSTANCE@ c)
 {
-    (void)c;
-    return @FMI@OK;
+    return (pinc_exchanges(c, PINC_EXCHANGING) != 0) ? @FMI@OK : @FMI@Error;
 }
 
 PINC_EXPORT @FMI@Status PINC_FMI(@FMI@CompletedIntegratorStep)(@INSTANCE@ c, @FMI@Boolean noSet,
@@ -25,13 +29,16 @@ PINC_EXPORT @FMI@Status PINC_FMI(@FMI@CompletedIntegratorStep)(@INSTANCE@ c, @FM
 
 PINC_EXPORT @FMI@Status PINC_FMI(@FMI@SetTime)(@INSTANCE@ c, double time)
 {
+    if ((pinc_exchanges(c, PINC_EXCHANGING) == 0) || (pinc_are_finite(&time, 1) == 0)) {
+        return @FMI@Error;
+    }
     pinc_of(c)->time = time;
     return @FMI@OK;
 }
 
 PINC_EXPORT @FMI@Status PINC_FMI(@FMI@SetContinuousStates)(@INSTANCE@ c, const double x[], size_t n)
 {
-    if (n != PINC_NX) {
+    if ((n != PINC_NX) || (pinc_exchanges(c, PINC_EXCHANGING) == 0)) {
         return @FMI@Error;
     }
     memcpy(pinc_of(c)->reals, x, n * sizeof(double));
@@ -40,7 +47,7 @@ PINC_EXPORT @FMI@Status PINC_FMI(@FMI@SetContinuousStates)(@INSTANCE@ c, const d
 
 PINC_EXPORT @FMI@Status PINC_FMI(@FMI@GetContinuousStates)(@INSTANCE@ c, double x[], size_t n)
 {
-    if (n != PINC_NX) {
+    if ((n != PINC_NX) || (pinc_exchanges(c, PINC_INITIALIZING | PINC_EXCHANGING) == 0)) {
         return @FMI@Error;
     }
     memcpy(x, pinc_of(c)->reals, n * sizeof(double));
@@ -61,19 +68,12 @@ PINC_EXPORT @FMI@Status PINC_FMI(@FMI@GetNominalsOfContinuousStates)(@INSTANCE@ 
 PINC_EXPORT @FMI@Status PINC_FMI(@FMI@Get@DERIVATIVES@)(@INSTANCE@ c, double dx[], size_t n)
 {
     pinc_slave *s = pinc_of(c);
-    size_t i;
-    if (n != PINC_NX) {
+    if ((n != PINC_NX) || (pinc_exchanges(c, PINC_INITIALIZING | PINC_EXCHANGING) == 0)) {
         return @FMI@Error;
     }
     pinc_@RK@_derivative(s->reals, s->reals + PINC_INPUTS, dx);
-    for (i = 0; i < n; i++) {
-        const double difference = dx[i] - dx[i];
-        if (!(difference <= 0.0)) {
-            /* The equations have no value there: a shorter step may not go there. */
-            return @FMI@Discard;
-        }
-    }
-    return @FMI@OK;
+    /* Where the equations have no value, a shorter step may not go. */
+    return (pinc_are_finite(dx, PINC_NX) != 0) ? @FMI@OK : @FMI@Discard;
 }
 
 PINC_EXPORT @FMI@Status PINC_FMI(@FMI@GetEventIndicators)(@INSTANCE@ c, double indicators[], size_t n)

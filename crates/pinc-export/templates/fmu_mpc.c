@@ -112,8 +112,7 @@ static void pinc_refresh(pinc_slave *s)
 /* Whether it is time for a sample. */
 static int pinc_is_sample(const pinc_slave *s, double time)
 {
-    const double largest = (fabs(time) > PINC_SAMPLE_TIME_S) ? fabs(time) : PINC_SAMPLE_TIME_S;
-    return (time >= s->start + (s->steps * PINC_SAMPLE_TIME_S) - (1e-9 * largest)) ? 1 : 0;
+    return (time >= s->start + (s->steps * PINC_SAMPLE_TIME_S) - pinc_slack(time)) ? 1 : 0;
 }
 
 /* At a sample the step depends on what was set last; between samples the input is held. */
@@ -127,17 +126,18 @@ static void pinc_changed(pinc_slave *s)
 /* Goes on by a communication step; 0 if that is possible. */
 static int pinc_advance(pinc_slave *s, double from, double length)
 {
-    s->time = from;
-    if (pinc_is_sample(s, from) != 0) {
-        pinc_refresh(s);
-        s->before = s->after;
-        s->steps += 1.0;
-    }
-    s->time = from + length;
-    if (s->time > s->start + (s->steps * PINC_SAMPLE_TIME_S) + (1e-6 * PINC_SAMPLE_TIME_S)) {
+    const int is_sample = pinc_is_sample(s, from);
+    const double steps = s->steps + (double)is_sample;
+    if (from + length > s->start + (steps * PINC_SAMPLE_TIME_S) + (1e-6 * PINC_SAMPLE_TIME_S)) {
         /* A communication step must not pass a sample. */
         return 1;
     }
+    if (is_sample != 0) {
+        pinc_refresh(s);
+        s->before = s->after;
+        s->steps = steps;
+    }
+    s->time = from + length;
     if (pinc_is_sample(s, s->time) != 0) {
         s->computed = 0;
     }

@@ -16,7 +16,7 @@ static int pinc_begin_run(pinc_slave *s)
     }
     s->origin = s->time;
     s->marks = 0.0;
-    return 0;
+    return 1 - pinc_are_finite(pinc_outputs(s), PINC_NX);
 }
 
 static void pinc_refresh(pinc_slave *s)
@@ -51,12 +51,11 @@ static void pinc_take_inputs(pinc_slave *s, double slack)
     }
 }
 
-/* Goes on by a communication step; 0 if that is possible. */
-static int pinc_advance(pinc_slave *s, double from, double length)
+/* Chains the net up to the end of a communication step; 0 if it has a value there. */
+static int pinc_chain(pinc_slave *s, double from, double length)
 {
     const double end = from + length;
-    const double largest = (fabs(end) > PINC_SAMPLE_TIME_S) ? fabs(end) : PINC_SAMPLE_TIME_S;
-    const double slack = 1e-9 * largest;
+    const double slack = pinc_slack(end);
     PINC_REAL next[PINC_NX];
     double begin;
     int i;
@@ -76,5 +75,16 @@ static int pinc_advance(pinc_slave *s, double from, double length)
         pinc_outputs(s)[i] = (double)next[i];
     }
     s->time = end;
-    return 0;
+    return 1 - pinc_are_finite(pinc_outputs(s), PINC_NX);
+}
+
+/* Goes on by a communication step; 0 if that is possible, and all is as before if not. */
+static int pinc_advance(pinc_slave *s, double from, double length)
+{
+    const pinc_slave before = *s;
+    const int refused = pinc_chain(s, from, length);
+    if (refused != 0) {
+        *s = before;
+    }
+    return refused;
 }

@@ -7,6 +7,7 @@ mod controller;
 mod feedback;
 mod feedback_fmu;
 mod fmu;
+mod fmu_modes;
 mod guard;
 mod net;
 mod refusals;

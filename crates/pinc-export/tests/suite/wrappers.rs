@@ -227,7 +227,11 @@ fn an_fmu_chains_the_net_as_a_free_run_does() {
     let files = net_to_fmu(&net, &name(), &origin(&net), FmiVersion::Two).unwrap();
     assert_eq!(files[0].path, "modelDescription.xml");
     let xml = String::from_utf8(files[0].bytes.clone()).unwrap();
-    assert!(xml.contains("guid=\"{00ff0000-0000-0000-0000-000000000000}\""), "{xml}");
+    // Of the net's hash, and of the description: no other unit of the same hash has it.
+    let guid = |xml: &str| xml.split_once('{').unwrap().1.split_once('}').unwrap().0.to_owned();
+    assert!(guid(&xml).starts_with("00ff0000-0000-0000-") && !xml.contains('@'), "{xml}");
+    let three = net_to_fmu(&net, &name(), &origin(&net), FmiVersion::Three).unwrap();
+    assert_ne!(guid(&xml), guid(std::str::from_utf8(&three[0].bytes).unwrap()));
     let flat = |file: GeneratedFile| GeneratedFile {
         path: file.path.trim_start_matches("sources/").to_owned(),
         ..file

@@ -1,0 +1,2 @@
+    /* How large each state has been. */
+    double largest[PINC_NX];
