@@ -1,12 +1,13 @@
 //! An integrator of a plant, in C.
 
 use crate::equation::{check_constants, jacobian, values};
+use crate::fmu::{FINE, HALVINGS};
 use crate::open::Open;
 use crate::origin::Origin;
 use crate::template::{Template, constant, numbers};
 use crate::{ExportError, GeneratedFile, Name};
 use pinc_expr::PlantEquations;
-use pinc_ode::{DynPlant, Integrator, Model};
+use pinc_ode::{DynPlant, Integrator, LinearizationBuffer, Model, Stages};
 use std::fmt::Write as _;
 
 /// A plant by its equations, integrated by a Runge-Kutta method.
@@ -26,6 +27,35 @@ pub struct RungeKuttaModel<'a> {
 }
 
 impl RungeKuttaModel<'_> {
+    /// Whether [`plant_to_fmu`](crate::plant_to_fmu) can integrate the plant from a state under an
+    /// input: a stiff one needs shorter substeps than the FMU tries. It can if twice as many substeps
+    /// change nothing but a little of the Jacobian of a step, in which every unstable mode is.
+    ///
+    /// # Errors
+    ///
+    /// [`ExportError::Equations`] if the equations are none.
+    pub fn is_integrable(&self, [x, u]: [&[f64]; 2]) -> Result<bool, ExportError> {
+        let plant = self.plant()?;
+        let jacobian = |halvings: u32| -> Result<Vec<f64>, ExportError> {
+            let substeps = (FINE / 2) << halvings;
+            let mut model = plant.model(Integrator::Rk4, self.sample_time_s, substeps)?;
+            let mut of = LinearizationBuffer::new(model.dims(), 1);
+            model.linearize(Stages { x, u, p: &[] }, of.as_mut());
+            Ok(of.a)
+        };
+        let mut coarse = jacobian(0)?;
+        for halvings in 1..=HALVINGS + 1 {
+            let fine = jacobian(halvings)?;
+            let largest = fine.iter().fold(0.0, |most: f64, entry| most.max(entry.abs()));
+            let near = |(a, b): (&f64, &f64)| (a - b).abs() <= 0.1 * largest;
+            if largest.is_finite() && fine.iter().zip(&coarse).all(near) {
+                return Ok(true);
+            }
+            coarse = fine;
+        }
+        Ok(false)
+    }
+
     /// The plant, as the library has it.
     pub(crate) fn plant(&self) -> Result<Box<dyn DynPlant>, ExportError> {
         let names: Vec<&str> = self.parameters.iter().map(String::as_str).collect();

@@ -17,7 +17,6 @@ use pinc_export::{
 };
 use pinc_expr::PlantEquations;
 use pinc_mpc::{Nmpc, NmpcProblem};
-use pinc_net::PincNet;
 use pinc_ode::{DynPlant, Integrator};
 use pinc_record::{RecordError, read_file, write_atomically};
 use pinc_tube::normal_quantile;
@@ -76,8 +75,8 @@ pub fn export_net(
     let equations = judged.map(|experiment| estimated(experiment, to)).transpose()?;
     let stem = model.file_stem().unwrap_or_default().to_string_lossy();
     let name = name.map_or_else(|| Ok(Name::nearest(&stem)), Name::new)?;
-    let origin =
-        Origin { proven: proven(&net), ..Origin::of_net(&net, crate::VERSION, &sha256(&bytes)) };
+    let proven = certificate(&net).map(|of| of.to_string());
+    let origin = Origin { proven, ..Origin::of_net(&net, crate::VERSION, &sha256(&bytes)) };
     let files = match to {
         Target::C => pinc_export::net_to_c(&net, equations.as_ref(), &name, &origin)?,
         Target::Casadi => pinc_export::net_to_casadi(&net, &name, &origin)?,
@@ -369,6 +368,11 @@ pub fn export_plant(
     let at_rest = vec![0.0; origin.inputs.len()];
     let input = control.initial_input.as_ref().unwrap_or(&at_rest);
     let start = [&control.initial_state[..], input];
+    if !plant.is_integrable(start)? {
+        tracing::warn!(
+            "the plant is too stiff for the FMU's co-simulation, which will refuse steps"
+        );
+    }
     let content = pinc_export::plant_to_fmu(plant, start, &name, &origin, version)?;
     write(&[fmu(content, &name, version)?], to, &name, out)
 }
@@ -384,11 +388,6 @@ fn origin(content: &[u8], plant: &dyn DynPlant) -> Origin {
         outputs: variables.outputs,
         proven: None,
     }
-}
-
-/// The certificate of a net in words, if there is one.
-fn proven(net: &PincNet) -> Option<String> {
-    certificate(net).map(|of| of.to_string())
 }
 
 /// The FMU of this content, with binaries for this machine and others that it has compilers for.
