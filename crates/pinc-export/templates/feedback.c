@@ -279,7 +279,10 @@ void pinc_feedback_reset_to(pinc_feedback *f, const PINC_REAL u[PINC_NU])
 
 pinc_status pinc_feedback_set_applied(pinc_feedback *f, const PINC_REAL u[PINC_NU])
 {
-    const pinc_status status = pinc_mpc_set_applied(&f->controller, u);
+    pinc_status status = PINC_NOT_INITIALIZED;
+    if (f->mark == PINC_MARK) {
+        status = pinc_mpc_set_applied(&f->controller, u);
+    }
     if (status == PINC_CONVERGED) {
         pinc_copy(f->inputs + (PINC_DELAY * PINC_NU), u, PINC_NU);
     }

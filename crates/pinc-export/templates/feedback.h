@@ -85,7 +85,8 @@ void pinc_feedback_reset_to(pinc_feedback *f, const PINC_REAL u[PINC_NU]);
 /**
  * Says which input the plant was really given in place of the last one chosen. An input that is
  * beyond the controller's bounds or not finite is refused with PINC_BAD_ARGUMENT and changes
- * nothing; the status is PINC_CONVERGED otherwise.
+ * nothing, as a struct that was not set up is with PINC_NOT_INITIALIZED; the status is PINC_CONVERGED
+ * otherwise.
  */
 pinc_status pinc_feedback_set_applied(pinc_feedback *f, const PINC_REAL u[PINC_NU]);
 

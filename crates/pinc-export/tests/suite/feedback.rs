@@ -411,6 +411,7 @@ const APPLIED: &str = r#"
 #include "ctl_feedback.h"
 #include <math.h>
 #include <stdio.h>
+#include <string.h>
 static ctl_feedback f[3];
 int main(void)
 {
@@ -425,6 +426,11 @@ int main(void)
         reference[i] = 9.0;
     }
     for (k = 0; k < 3; k++) {
+        /* Whatever the memory holds. */
+        memset(&f[k], (k == 0) ? 0 : 0xff, sizeof(f[k]));
+        if (ctl_feedback_set_applied(&f[k], within) != CTL_NOT_INITIALIZED) {
+            return 1;
+        }
         ctl_feedback_init(&f[k]);
         ctl_feedback_step(&f[k], y, reference, u);
     }
