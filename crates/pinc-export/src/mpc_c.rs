@@ -37,7 +37,7 @@ const FLOAT_TOLERANCE: f64 = 1e-3;
 /// The controller as C99: the model, the transcription by multiple shooting, Gauss-Newton SQP and
 /// the condensed active-set method, in memory of fixed size; with a self-test, build file and a
 /// page that says how to use them. The self-test takes the steps of `library`, the same controller
-/// before its first step.
+/// before its first step. The files `beside` it that are C become part of the library.
 ///
 /// # Errors
 ///
@@ -45,11 +45,21 @@ const FLOAT_TOLERANCE: f64 = 1e-3;
 /// sensible one.
 pub fn controller_to_c(
     controller: &Controller<'_>,
-    library: Nmpc,
+    (library, beside): (Nmpc, Vec<GeneratedFile>),
     name: &Name,
     origin: &Origin,
 ) -> Result<Vec<GeneratedFile>, ExportError> {
     let (mut t, mut files) = controller_sources(controller, name, origin)?;
+    let headers = beside.iter().filter(|file| file.path.ends_with(".h"));
+    let text = |file: &GeneratedFile| {
+        format!(
+            "**Beside the controller.** The library has the functions of `{}` too, which says what they \
+             do; the self-test leaves them out.\n\n",
+            file.path
+        )
+    };
+    t.set("BESIDE", headers.map(text).collect::<String>());
+    files.extend(beside);
     let [double, float] = controller.estimator.map_or(TOLERANCES, |of| match of.filter {
         Filter::Extended | Filter::MovingHorizon(_) => TOLERANCES,
         Filter::Unscented => UNSCENTED_TOLERANCES,

@@ -232,9 +232,8 @@ pub fn export_controller_with(
             if let Some(u) = controller.initial_input {
                 library.reset_input(u)?;
             }
-            let mut files = beside(&controller, &mut library, &name)?;
-            files.extend(pinc_export::controller_to_c(&controller, library, &name, &origin)?);
-            files
+            let beside = beside(&controller, &mut library, &name)?;
+            pinc_export::controller_to_c(&controller, (library, beside), &name, &origin)?
         }
         Target::Fmu(version) => {
             let content = pinc_export::controller_to_fmu(&controller, &name, &origin, version)?;

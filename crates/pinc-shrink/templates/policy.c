@@ -141,6 +141,9 @@ static void rate(const PINC_REAL start[PINC_NX], const PINC_REAL reference[PINC_
         for (i = 0; i < PINC_NU; i++) {
             z[g][PINC_NX + i] = zero + u_before[i];
         }
+        for (i = 0; i < PINC_POLICY_TRACKED; i++) {
+            finite[g] += zero + (reference[i] - reference[i]);
+        }
     }
     for (j = 0; j < @HORIZON@; j++) {
         /* The first two plans part with the last input: where each is a group of its own, the first

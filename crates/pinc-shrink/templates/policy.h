@@ -34,7 +34,8 @@ void pinc_policy_plan(const PINC_REAL x[PINC_NX], const PINC_REAL reference[PINC
  * Writes the input to apply to `u`: the first of the plan that, by the model, stays within the bounds
  * and costs least, or, if none stays within them, breaks them least. Returns which that is: 3, the
  * net's; 0, the plan before, shifted, which holds its last input; 1, the same with the last input of
- * the net's; 2, the one halfway between that and the net's. If it breaks bounds, 4 more: a plan of
+ * the net's; 2, the one halfway between that and the net's. If it breaks bounds, or a number of the
+ * state or the reference is not finite, 4 more: a plan of
  * another controller may then take its place, in `plan`, with its first input in `u` of `policy`. The
  * time does not depend on the numbers.
  */

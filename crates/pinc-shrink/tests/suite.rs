@@ -271,10 +271,9 @@ fn files(equations: &PlantEquations, shrunk: &Shrunk, nmpc: &mut Nmpc) -> Vec<Ge
         estimator: None,
         tube: None,
     };
-    let mut files = Vec::from(policy_to_c(&shrunk.policy, nmpc, &controller, &name).unwrap());
+    let policy = Vec::from(policy_to_c(&shrunk.policy, nmpc, &controller, &name).unwrap());
     let library = controller_of(equations, problem.clone());
-    files.extend(controller_to_c(&controller, library, &name, &origin).unwrap());
-    files
+    controller_to_c(&controller, (library, policy), &name, &origin).unwrap()
 }
 
 /// A check that says which plan it took.
@@ -295,6 +294,9 @@ impl Planner for Noting {
         self.0.plan(program, [x, reference, u_before], inputs)
     }
 }
+
+/// A state or a reference that is no number, for `MAIN_C`.
+const NO_NUMBERS: [&str; 3] = ["0 nan 0 0", "0 0.1 0.1 nan", "0 0.1 0.1 inf"];
 
 /// The exported policy takes the same plans as the library, in double precision.
 #[test]
@@ -353,6 +355,11 @@ fn decides_as_the_library(equations: &PlantEquations, problem: &NmpcProblem, dir
         model.step(&x, &u, p, &mut next);
         x.copy_from_slice(&next);
     }
+    NO_NUMBERS.iter().for_each(|line| writeln!(asked, "{line}").unwrap());
+    // The net is in the library that is built, and on the page that says how.
+    let page = fs::read_to_string(dir.join("README.md")).unwrap();
+    assert!(page.contains("`vdp_policy.h`") && page.contains(" vdp_policy.c "), "{page}");
+    assert!(fs::read_to_string(dir.join("Makefile")).unwrap().contains(" vdp_policy.c"));
     // One plan in each lane, and one lane.
     for more in [&[][..], &["-DVDP_VECTOR_BYTES=0"]] {
         let built = Command::new("cc")
@@ -368,7 +375,9 @@ fn decides_as_the_library(equations: &PlantEquations, problem: &NmpcProblem, dir
         let mut run = run.unwrap();
         run.stdin.take().unwrap().write_all(asked.as_bytes()).unwrap();
         let printed = String::from_utf8(run.wait_with_output().unwrap().stdout).unwrap();
-        assert_eq!(printed.lines().count(), expected.len());
+        assert_eq!(printed.lines().count(), expected.len() + NO_NUMBERS.len());
+        let last = printed.lines().skip(expected.len());
+        assert!(last.into_iter().all(|line| line.starts_with("4 ")), "{printed}");
         for (k, (line, (taken, plan))) in printed.lines().zip(&expected).enumerate() {
             let (flag, numbers) = line.split_once(' ').unwrap();
             assert_eq!(flag, taken.to_string(), "step {k}");

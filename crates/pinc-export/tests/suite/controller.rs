@@ -179,7 +179,7 @@ impl Case {
         estimator: Option<Estimation<'_>>,
     ) -> Result<Vec<GeneratedFile>, ExportError> {
         self.export_by(estimator, |controller, name, origin| {
-            controller_to_c(controller, self.library(estimator), name, origin)
+            controller_to_c(controller, (self.library(estimator), Vec::new()), name, origin)
         })
     }
 
