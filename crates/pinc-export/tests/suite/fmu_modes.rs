@@ -115,12 +115,12 @@ fn calls_out_of_order_and_impossible_steps_are_refused_and_change_nothing() {
     ]
     .concat();
     assert_eq!(statuses, expected);
-    let [before, set, run, kept, next, end, last, untold] = read else { panic!("{read:?}") };
+    let [before, set, run, kept, next, end, _, _] = read else { panic!("{read:?}") };
     assert!((before - set).abs() > 1e-3, "{read:?}");
     for (a, b) in [(set, run), (run, kept), (next, end)] {
         assert!(a.total_cmp(b).is_eq(), "{read:?}");
     }
-    assert_eq!([*last, *untold], [0.5, 0.0]);
+    assert_eq!(read[6..], [0.5, 0.0]);
 }
 
 /// Of the net: a step under an input that is none, and the same step again.
@@ -163,7 +163,7 @@ fn a_net_that_has_no_value_stays_where_it_is() {
     let middle: Vec<f64> = net.domain().ends().map(|(a, b)| f64::midpoint(a, b)).collect();
     assert_eq!(found[..3], [DISCARD, middle[0], middle[1]]);
     let next = net.evaluate(0.5, &middle[..2], &[0.3], &[]);
-    assert_eq!(found[3], OK);
+    assert_eq!(found[3..4], [OK]);
     assert!(found[4..6].iter().zip(&next).all(|(a, b)| (a - b).abs() < 1e-12), "{found:?}");
     assert_eq!(found[6..], [ERROR]);
 }
@@ -265,7 +265,7 @@ fn a_stiff_plant_is_integrated_or_refused() {
             state = exact(state, k, length);
             t += length;
         }
-        assert_eq!(found[0], if k.is_some() { OK } else { DISCARD }, "{found:?}");
+        assert_eq!(found[..1], [if k.is_some() { OK } else { DISCARD }], "{found:?}");
         assert!((found[1] - t).abs() < 1e-12, "{found:?}");
         assert!(
             found[2..].iter().zip(state).all(|(a, b)| (a - b).abs() < 1e-4),
