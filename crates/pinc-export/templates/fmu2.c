@@ -51,13 +51,14 @@ static pinc_slave *pinc_of(fmi2Component instance)
     return &((pinc_instance *)instance)->slave;
 }
 
-/* Logs why a call fails, which is no debug message that the importer switches on. */
+/* Logs why a call fails, which is no debug message that the importer switches on. The text is the format,
+   as loggers in other languages print it as it is; it has no percent sign. */
 static void pinc_say(fmi2Component c, fmi2Status status, const char *text)
 {
     const pinc_instance *instance = (pinc_instance *)c;
     const fmi2CallbackFunctions *to = &instance->callbacks;
     if (to->logger != NULL) {
-        to->logger(to->componentEnvironment, instance->name, status, "error", "%s", text);
+        to->logger(to->componentEnvironment, instance->name, status, "error", text);
     }
 }
 

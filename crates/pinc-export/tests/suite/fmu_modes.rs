@@ -14,14 +14,14 @@ const DISCARD: f64 = 2.0;
 const ERROR: f64 = 3.0;
 
 /// Calls an instance in all orders; writes the statuses, then what was read, and whether each failure
-/// was logged in the name of the instance.
+/// was logged in the name of the instance, in a text that needs no formatting.
 const MODES: &str = r#"
 #include "ctl_fmu.c"
 #include <stdio.h>
 static int failed = 0, told = 0;
 static void said(fmi2ComponentEnvironment e, fmi2String i, fmi2Status s, fmi2String c, fmi2String m, ...)
 {
-    told += strcmp(i, "one of two") == 0;
+    told += (strcmp(i, "one of two") == 0) & (strchr(m, '%') == 0);
 }
 static void show(fmi2Status status)
 {
