@@ -11,7 +11,9 @@ const MOST_STEPS: f64 = 1e6;
 #[derive(Clone, Debug)]
 pub(crate) struct Chain {
     sample_time_s: f64,
-    /// Where the marks are counted from: the initial time, or the last change within an interval.
+    /// The initial time.
+    first: f64,
+    /// Where the marks are counted from: 0, or the last change within an interval, since `first`.
     origin: f64,
     /// Marks since then.
     marks: f64,
@@ -32,7 +34,7 @@ impl Chain {
     /// A chain of intervals of `sample_time_s` that begins at time `t` in `state`, under `input`.
     pub(crate) fn new(sample_time_s: f64, t: f64, state: &[f64], input: &[f64]) -> Self {
         let (state, input) = (state.to_vec(), input.to_vec());
-        Self { sample_time_s, origin: t, marks: 0.0, state, input, t }
+        Self { sample_time_s, first: t, origin: 0.0, marks: 0.0, state, input, t }
     }
 
     /// The time of the last sample.
@@ -53,19 +55,23 @@ impl Chain {
         input: &[f64],
     ) -> Sample {
         self.t = t;
-        let slack = 1e-9 * self.sample_time_s.max(t.abs());
-        while t >= self.origin + (self.marks + 1.0) * self.sample_time_s - slack {
+        let since = t - self.first;
+        // Times of a clock are large beside T: both were rounded when they were read.
+        let rounding = f64::EPSILON * t.abs().max(self.first.abs());
+        let slack = (1e-9 * self.sample_time_s.max(since)).max(rounding);
+        let slack = slack.min(0.5 * self.sample_time_s);
+        while since >= self.origin + (self.marks + 1.0) * self.sample_time_s - slack {
             self.state = net(self.sample_time_s, &self.state, &self.input);
             self.marks += 1.0;
         }
         let begin = self.origin + self.marks * self.sample_time_s;
-        let mark = (t - begin).abs() <= slack;
+        let mark = (since - begin).abs() <= slack;
         let state =
-            if mark { self.state.clone() } else { net(t - begin, &self.state, &self.input) };
+            if mark { self.state.clone() } else { net(since - begin, &self.state, &self.input) };
         if input != self.input {
             self.input.copy_from_slice(input);
             if !mark {
-                (self.origin, self.marks) = (t, 0.0);
+                (self.origin, self.marks) = (since, 0.0);
                 self.state.copy_from_slice(&state);
             }
         }

@@ -42,3 +42,23 @@ fn marks_are_found_after_many_steps() {
         assert!(sample.mark, "step {k}");
     }
 }
+
+/// In seconds since 1970, T = 0.1 s is 4e5 units in the last place of t.
+#[test]
+fn times_of_a_clock_are_counted_from_the_first_row() {
+    let offsets = [0.05, 0.1, 0.15, 0.2, 0.3, 0.31, 0.4, 0.5];
+    let at = |first: f64| {
+        let mut chain = Chain::new(0.1, first, &[1.0], &[0.01]);
+        offsets.map(|offset| {
+            let sample = chain.advance(&mut net, first + offset, &[0.01]);
+            (sample.state[0], sample.mark)
+        })
+    };
+    for first in [1e4, 1e8, 1_764_200_000.3] {
+        for ((found, mark), expected) in at(first).into_iter().zip(at(0.0)) {
+            // The times are rounded to 2.4e-7 s, which the net takes times 100 u = 1.
+            assert!((found - expected.0).abs() < 1e-6, "{first}: {found}, not {}", expected.0);
+            assert_eq!(mark, expected.1, "{first}");
+        }
+    }
+}
