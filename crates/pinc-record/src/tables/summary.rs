@@ -6,8 +6,8 @@ use crate::error::RecordError;
 use crate::metrics::Metrics;
 use crate::spread::Spread;
 use crate::sweep_dir::{Ending, Finished};
-use pinc_config::{Experiment, SweepSpec, Trial, cell_columns, sweep_models};
-use std::collections::{HashMap, HashSet};
+use pinc_config::{DRAW, Experiment, SweepSpec, Trial, cell_columns, columns, sweep_models};
+use std::collections::{BTreeMap, HashMap, HashSet};
 use std::path::Path;
 
 /// The columns after those that tell the cells apart.
@@ -65,7 +65,8 @@ pub struct SummaryRow {
     pub q3: f64,
     /// The greatest value.
     pub max: f64,
-    /// The lower end of the median's interval.
+    /// The lower end of the median's interval: with several seeds for each draw, of the median
+    /// over the draws' medians.
     pub median_low: f64,
     /// The upper end of the median's interval.
     pub median_high: f64,
@@ -83,10 +84,13 @@ impl SummaryTable {
         finished: &[Option<Finished>],
     ) -> Self {
         let cell_columns = cell_columns(sweep);
+        let draw = columns(sweep).iter().position(|column| column == DRAW);
         let metrics = TrialMetric::results_with(experiment, &sweep_models(experiment, trials));
         let mut rows = Vec::new();
         for (cell, group) in cells(trials, cell_columns.len()) {
-            let group: Vec<_> = group.into_iter().map(|i| finished[i].as_ref()).collect();
+            let drawn = |i: usize| draw.map_or("", |place| trials[i].cells[place].as_str());
+            let group: Vec<_> =
+                group.into_iter().map(|i| (drawn(i), finished[i].as_ref())).collect();
             let nets = distinct_nets(&metrics, &group);
             let of = |metric: &TrialMetric| match metric.is_of_net() {
                 true => row(cell, *metric, &group, &nets),
@@ -184,19 +188,21 @@ fn cells(trials: &[Trial], columns: usize) -> Vec<(&[String], Vec<usize>)> {
 fn row(
     cell: &[String],
     metric: TrialMetric,
-    group: &[Option<&Finished>],
-    counted: &[&Metrics],
+    group: &[Of<'_, Option<&Finished>>],
+    counted: &[Of<'_, &Metrics>],
 ) -> Option<SummaryRow> {
-    let values = counted.iter().filter_map(|metrics| metric.cell(metrics)?.parse().ok());
-    let spread = Spread::of(values.collect())?;
-    let (median_low, median_high, confidence) = spread.interval_of_median();
-    let over = group.iter().flatten();
+    let value = |(draw, of)| Some((draw, metric.cell(of)?.parse().ok()?));
+    let values: Vec<(&str, f64)> = counted.iter().copied().filter_map(value).collect();
+    let spread = Spread::of(values.iter().map(|(_, value)| *value).collect())?;
+    let (median_low, median_high, confidence) =
+        Spread::of(independent(&values))?.interval_of_median();
+    let over = group.iter().filter_map(|(_, finished)| *finished);
     Some(SummaryRow {
         cell: cell.to_vec(),
         metric: metric.name(),
         trials: group.len(),
         failed: over.filter(|finished| finished.ending != Ending::Done).count(),
-        pending: group.iter().filter(|finished| finished.is_none()).count(),
+        pending: group.iter().filter(|(_, finished)| finished.is_none()).count(),
         values: spread.count(),
         nonzero: spread.nonzero(),
         min: spread.quantile(0.0),
@@ -210,20 +216,40 @@ fn row(
     })
 }
 
+/// What belongs to a trial, after its draw.
+type Of<'a, T> = (&'a str, T);
+
+/// Values that an interval may count as independent, of values with their draws: one for each draw,
+/// the median over its seeds, which have the draw's plant in common; all values without draws, and
+/// where all are of one.
+fn independent(values: &[(&str, f64)]) -> Vec<f64> {
+    let mut draws: BTreeMap<&str, Vec<f64>> = BTreeMap::new();
+    for (draw, value) in values {
+        draws.entry(draw).or_default().push(*value);
+    }
+    match draws.len() {
+        0 | 1 => values.iter().map(|(_, value)| *value).collect(),
+        _ => draws.into_values().filter_map(|of| Some(Spread::of(of)?.quantile(0.5))).collect(),
+    }
+}
+
 /// The metrics of the trials that ended as they should.
-fn done<'a>(group: &[Option<&'a Finished>]) -> Vec<&'a Metrics> {
-    let finished = group.iter().flatten();
-    let done = finished.filter(|finished| finished.ending == Ending::Done);
-    done.map(|finished| &finished.metrics).collect()
+fn done<'a>(group: &[Of<'a, Option<&'a Finished>>]) -> Vec<Of<'a, &'a Metrics>> {
+    let finished = group.iter().filter_map(|(draw, finished)| Some((*draw, (*finished)?)));
+    let done = finished.filter(|(_, finished)| finished.ending == Ending::Done);
+    done.map(|(draw, finished)| (draw, &finished.metrics)).collect()
 }
 
 /// The same, one for each net: trials that differ in their loops only share it, and are not several
 /// values of it.
-fn distinct_nets<'a>(metrics: &[TrialMetric], group: &[Option<&'a Finished>]) -> Vec<&'a Metrics> {
+fn distinct_nets<'a>(
+    metrics: &[TrialMetric],
+    group: &[Of<'a, Option<&'a Finished>>],
+) -> Vec<Of<'a, &'a Metrics>> {
     let of_net = || metrics.iter().filter(|metric| metric.is_of_net());
     let mut known = HashSet::new();
     let mut all = done(group);
-    all.retain(|trial| known.insert(of_net().map(|of| of.cell(trial)).collect::<Vec<_>>()));
+    all.retain(|(_, trial)| known.insert(of_net().map(|of| of.cell(trial)).collect::<Vec<_>>()));
     all
 }
 
@@ -231,6 +257,21 @@ fn distinct_nets<'a>(metrics: &[TrialMetric], group: &[Option<&'a Finished>]) ->
 mod tests {
     use super::*;
     use crate::metric::{MSE_GEN, ONE_STEP_MSE};
+
+    /// Three plants, four seeds each: the interval is that of three values, not of twelve.
+    #[test]
+    fn seeds_of_one_draw_are_one_value_of_the_interval() {
+        let plants = [("1", 10.0), ("2", 30.0), ("3", 20.0)];
+        let all = plants
+            .iter()
+            .flat_map(|(draw, value)| [-3.0, -1.0, 1.0, 2.0].map(|e| (*draw, value + e)));
+        let all: Vec<(&str, f64)> = all.collect();
+        assert_eq!(independent(&all), [10.0, 30.0, 20.0]);
+        let interval = Spread::of(independent(&all)).unwrap().interval_of_median();
+        assert_eq!(interval, (10.0, 30.0, 1.0 - 2.0 / 8.0));
+        // Seeds alone, or of a single plant, are values of their own.
+        assert_eq!(independent(&all[..4]), [7.0, 9.0, 11.0, 12.0]);
+    }
 
     #[test]
     fn a_summary_reads_back_bit_for_bit() {
