@@ -6,7 +6,7 @@ use pinc_config::Trial;
 use pinc_net::NetError;
 use pinc_record::work::{Job, Outcome, Queue, effort};
 use pinc_record::{Ending, Finished, RecordError, RunDir, SweepDir};
-use pinc_runs::{Options, RunError, Threads, run_trial, train_shared};
+use pinc_runs::{Options, RunError, Threads, run_trial, train_shared, verdict};
 use std::sync::mpsc::{RecvTimeoutError, channel};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
@@ -176,7 +176,9 @@ pub(crate) fn finish_trial(
         Some(error) => Err(error),
         None => {
             let run = run_trial(&trial.experiment, net.as_deref(), &mut run_dir, options);
-            result_of_trial(run)?
+            result_of_trial(run)?.and_then(|()| {
+                verdict(&trial.experiment, run_dir.metrics()).map_err(|error| error.to_string())
+            })
         }
     };
     let ending = match outcome {

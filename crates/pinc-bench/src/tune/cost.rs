@@ -3,7 +3,7 @@
 use super::Tried;
 use pinc_config::{Candidate, Experiment, TuneSpec};
 use pinc_record::{CsvText, Ending, Finished, TrialMetric, decimals};
-use pinc_runs::{RunError, verdict};
+use pinc_runs::RunError;
 use std::cmp::Ordering;
 use std::fmt::Write as _;
 
@@ -76,9 +76,9 @@ impl Cost {
         Ok(Self { terms: metrics.into_iter().map(term).collect() })
     }
 
-    /// The name of a metric that a loop of `base` which did not fail does not have.
-    pub(super) fn missing(&self, base: &Experiment, results: &[Finished]) -> Option<&str> {
-        let finished = results.iter().find(|finished| is_fine(base, finished))?;
+    /// The name of a metric that a loop which did not fail does not have.
+    pub(super) fn missing(&self, results: &[Finished]) -> Option<&str> {
+        let finished = results.iter().find(|finished| finished.ending == Ending::Done)?;
         let number = |term: &Term| term.metric.number(&finished.metrics);
         let lacks = |term: &&Term| number(term).is_none_or(|number| !number.is_finite());
         self.terms.iter().find(lacks).map(|term| term.name.as_str())
@@ -96,11 +96,11 @@ impl Cost {
     }
 
     /// What the loops of a candidate cost; the worst score without any.
-    pub(super) fn score(&self, base: &Experiment, results: &[Finished]) -> Score {
+    pub(super) fn score(&self, results: &[Finished]) -> Score {
         let values = |finished: &Finished| -> Option<Vec<f64>> {
             let numbers = self.terms.iter().map(|term| term.metric.number(&finished.metrics));
             let numbers: Vec<f64> = numbers.collect::<Option<_>>()?;
-            (is_fine(base, finished) && numbers.iter().all(|number| number.is_finite()))
+            (finished.ending == Ending::Done && numbers.iter().all(|number| number.is_finite()))
                 .then_some(numbers)
         };
         let loops: Vec<Vec<f64>> = results.iter().filter_map(values).collect();
@@ -170,11 +170,6 @@ impl Cost {
     }
 }
 
-/// Whether a loop came to its end, as a run counts it.
-fn is_fine(base: &Experiment, finished: &Finished) -> bool {
-    finished.ending == Ending::Done && verdict(base, &finished.metrics).is_ok()
-}
-
 /// The mean of numbers; 0 of none.
 fn mean(values: impl Iterator<Item = f64>) -> f64 {
     let (sum, count) = values.fold((0.0, 0.0), |(sum, count), value| (sum + value, count + 1.0));
@@ -202,14 +197,14 @@ mod tests {
         base
     }
 
-    /// A loop of ten steps with this IAE and travel of the inputs.
-    fn finished(iae: f64, travel: f64, status: &str) -> Finished {
+    /// A loop with this IAE and travel of the inputs.
+    fn finished(iae: f64, travel: f64) -> Finished {
         let metrics: Metrics = serde_json::from_value(json!({
             "experiment": "e", "preset": "ours", "variables": {},
             "control": [{
                 "model": "rk4", "rmse": 0.0, "iae": 0.0, "rmse_dense": 0.0, "iae_dense_sum": iae,
                 "input_travel": travel, "kkt_max": 0.0, "sqp_iterations_mean": 1.0,
-                "max_violation": 0.0, "status": { status: 10 },
+                "max_violation": 0.0, "status": { "converged": 10 },
                 "wall_s": { "median": 0.0, "mean": 0.0, "sd": 0.0, "runs": 1 },
                 "step_us": { "p50": 1.0, "p99": 1.0, "max": 1.0 }
             }]
@@ -223,13 +218,14 @@ mod tests {
         let base = base();
         let mut cost = Cost::of(&base).unwrap();
         // What has a unit is measured by its mean here, 3; the travel has none.
-        cost.set_scales(&[finished(2.0, 5.0, "converged"), finished(4.0, 7.0, "converged")]);
-        let fine = [finished(6.0, 8.0, "converged"), finished(12.0, 4.0, "converged")];
-        let score = cost.score(&base, &fine);
+        cost.set_scales(&[finished(2.0, 5.0), finished(4.0, 7.0)]);
+        let fine = [finished(6.0, 8.0), finished(12.0, 4.0)];
+        let score = cost.score(&fine);
         assert!((score.cost - (1.5 * 9.0 / 3.0 + 0.25 * 6.0)).abs() < 1e-12, "{}", score.cost);
         assert_eq!(score.failed, 0);
         let [one, two] = fine;
-        let score = cost.score(&base, &[one, finished(0.0, 0.0, "infeasible-qp"), two]);
+        let ending = Ending::Failed { error: String::new() };
+        let score = cost.score(&[one, Finished { ending, ..finished(0.0, 0.0) }, two]);
         assert!((score.cost - 6.0).abs() < 1e-12, "{}", score.cost);
         assert_eq!(score.to_string(), "6.0000 (1 loop failed)");
     }

@@ -153,12 +153,12 @@ impl Session<'_> {
             RunError::usage(self.base.source(), format!("`tune.draws`: {problem}"))
         })?;
         let results = self.run(&[written])?.concat();
-        if let Some(name) = cost.missing(&self.base, &results) {
+        if let Some(name) = cost.missing(&results) {
             let problem = format!("`tune.cost`: the loops have no metric `{name}`; name others");
             return Err(RunError::usage(self.base.source(), problem));
         }
         cost.set_scales(&results);
-        let mut tried = vec![(Candidate::new(), cost.score(&self.base, &results))];
+        let mut tried = vec![(Candidate::new(), cost.score(&results))];
         let (mut best, mut size, mut refused) = (0, 1, Vec::new());
         let mut random = ChaCha8Rng::seed_from_u64(self.base.seed);
         let mut evolution = Evolution::new(spec.start(&self.base), size);
@@ -184,7 +184,7 @@ impl Session<'_> {
             });
             let made: Vec<Vec<Trial>> = made.collect();
             let results = self.run(&made)?;
-            let scores = results.iter().map(|results| cost.score(&self.base, results));
+            let scores = results.iter().map(|results| cost.score(results));
             let begin = tried.len();
             tried.extend(candidates.into_iter().zip(scores));
             for (i, (_, score)) in tried.iter().enumerate().skip(begin) {
@@ -293,6 +293,6 @@ impl Session<'_> {
         };
         let results = self.run(&CASES.map(of))?;
         let report = write_report(&experiment, &all, &dir, &self.sweep_dir)?;
-        Ok((report, [0, 1].map(|case| cost.score(&self.base, &results[case]))))
+        Ok((report, [0, 1].map(|case| cost.score(&results[case]))))
     }
 }
