@@ -3,7 +3,7 @@
 use crate::ClosedLoop;
 use std::ops::Range;
 
-/// How many step marks an offset is averaged over.
+/// How many step marks an offset is averaged over; a segment with fewer has none.
 const MARKS: usize = 10;
 
 /// The loop under one value of the reference, seen at the step marks t = kT from its beginning to
@@ -13,8 +13,9 @@ const MARKS: usize = 10;
 pub struct Segment {
     /// The steps in which the value holds, or moves on in each.
     pub steps: Range<usize>,
-    /// The mean |yref - y| of each tracked quantity over the last ten of these marks, or as many as
-    /// there are; NaN if there are none.
+    /// The mean |yref - y| of each tracked quantity over the last ten of these marks, but no more
+    /// than the second half of them, which a change at the beginning does not reach; NaN of fewer
+    /// than ten.
     pub offset: Vec<f64>,
     /// After how many steps all errors stayed within the tolerances; `None` if they did not.
     pub settled: Option<usize>,
@@ -59,15 +60,15 @@ impl ClosedLoop<'_> {
         // At a mark the value of the step that ends there is compared; at the first, of the first.
         let errors = |mark: usize| seen.errors(steps.start.max(mark.saturating_sub(1)), mark);
 
-        let marks = (steps.start + 1).max((last + 1).saturating_sub(MARKS))..last + 1;
-        let mut offset = vec![0.0; tolerance.len()];
-        let count = marks.len() as f64;
-        for mark in marks {
+        let length = last.saturating_sub(steps.start);
+        let count = MARKS.min(length / 2);
+        let mut offset = vec![if length < MARKS { f64::NAN } else { 0.0 }; tolerance.len()];
+        for mark in last + 1 - count..last + 1 {
             for (sum, error) in offset.iter_mut().zip(errors(mark)) {
                 *sum += error;
             }
         }
-        offset.iter_mut().for_each(|sum| *sum /= count);
+        offset.iter_mut().for_each(|sum| *sum /= count as f64);
 
         let near = |mark: usize| errors(mark).zip(tolerance).all(|(e, most)| e <= *most);
         let outside = (steps.start..=last).rev().find(|&mark| !near(mark));

@@ -100,14 +100,15 @@ impl Metrics {
 }
 
 impl ControlMetrics {
-    /// The segments at whose ends a quantity is farther from its reference than where it counts as
-    /// settled, with its offset there.
+    /// The segments that did not settle, at whose ends a quantity is farther from its reference than
+    /// where it counts as settled, with its offset there.
     fn missed(&self, quantity: &str) -> impl Iterator<Item = (usize, f64)> {
         let of = &self.references;
         let within = of.settled_within.get(quantity).copied().unwrap_or(f64::INFINITY);
         let offsets = of.offset.get(quantity).into_iter().flatten().enumerate();
         let known = offsets.filter_map(|(segment, offset)| Some((segment, (*offset)?)));
-        known.filter(move |(_, offset)| *offset > within)
+        let settled = |segment: usize| of.settle_s.get(segment).is_some_and(Option::is_some);
+        known.filter(move |(segment, offset)| *offset > within && !settled(*segment))
     }
 }
 
@@ -244,6 +245,15 @@ mod tests {
                     With RK4 it does,";
         assert!(first.contains(said), "{first}");
         assert!(second.contains("1 of its 3 references") && second.contains("pinc check"));
+    }
+
+    /// An offset over few steps has a part of the way to the reference in it.
+    #[test]
+    fn a_segment_that_settled_is_no_finding() {
+        let mut short = of(ModelKind::RK4, [None, None, Some(0.3)], &[(SqpStatus::Converged, 30)]);
+        assert_eq!(metrics(vec![short.clone()]).loop_notes().len(), 1);
+        short.references.settle_s[2] = Some(3.0);
+        assert_eq!(metrics(vec![short]).loop_notes(), [""; 0]);
     }
 
     #[test]

@@ -254,7 +254,8 @@ pub struct ReferenceMetrics {
     #[serde(default)]
     pub reference_start_s: Vec<f64>,
     /// For each controlled quantity and segment, the mean absolute error over the last ten marks,
-    /// in its unit; `None` if the segment is too short for one.
+    /// or the second half of fewer than twenty, in its unit; `None` of fewer than ten, and of a
+    /// quantity without a weight.
     #[serde(default)]
     pub offset: BTreeMap<String, Vec<Option<f64>>>,
     /// For each segment, the time from its beginning until all controlled quantities stay near
