@@ -36,7 +36,6 @@ mod sampled;
 mod scenarios;
 mod schedule;
 mod search;
-mod sharing;
 mod slurm;
 mod stages;
 mod sweep;
@@ -76,13 +75,12 @@ pub use sampled::csv_line;
 pub use scenarios::{Combine, ScenarioSpec};
 pub use schedule::{BoundStep, ParameterStep, Schedule};
 pub use search::{HalvingSpec, SearchRange, SearchSpec};
-pub use sharing::nets_of_parameters;
 pub use slurm::SlurmSpec;
 pub use sweep::{AxisSpec, CaseSpec, DrawsSpec, RangeSpec, SweepSpec};
 pub use training::{Effort, TrainingSpec};
 pub use trial::{
-    CANDIDATE, CASE, DRAW, DRAWN, SEED, SearchPlace, Trial, cell_columns, columns, sweep_models,
-    trials,
+    CANDIDATE, CASE, DRAW, DRAWN, SEED, SearchPlace, Trial, candidate, cell_columns, columns,
+    sweep_models, trials,
 };
 pub use tune::{Candidate, TuneSpec};
 pub use uncertainty::{

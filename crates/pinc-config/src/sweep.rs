@@ -1,5 +1,6 @@
 //! The `[sweep]` section.
 
+use crate::search::placed;
 use crate::validate::Checked;
 use crate::validate::values::{at_least_one, ordered, value};
 use crate::{SearchSpec, SlurmSpec};
@@ -96,23 +97,17 @@ const MOST_TRIALS: usize = 100_000;
 impl SweepSpec {
     /// Checks what can be checked without looking at the trials.
     pub(crate) fn validate(&self) -> Checked {
+        distinct("sweep.seeds", &self.seeds)?;
         for (i, axis) in self.grid.iter().enumerate() {
-            may_be_swept(&format!("sweep.grid[{i}].key"), &axis.key)?;
-            for key in &axis.also {
-                may_be_swept(&format!("sweep.grid[{i}].also"), key)?;
-            }
+            let here = format!("sweep.grid[{i}].values");
             if axis.values.is_empty() {
-                return value(&format!("sweep.grid[{i}].values"), "[]", "one value or more");
+                return value(&here, "[]", "one value or more");
             }
+            distinct(&here, &axis.values)?;
         }
         SlurmSpec::of(&self.slurm)
             .map_err(|(key, problem)| (format!("sweep.slurm.{key}"), problem))?;
         self.names()?;
-        for (i, case) in self.cases.iter().enumerate() {
-            for key in case.set.keys() {
-                may_be_swept(&format!("sweep.cases[{i}].set"), key)?;
-            }
-        }
         for (i, draws) in self.draws.iter().enumerate() {
             let here = format!("sweep.draws[{i}]");
             at_least_one(&format!("{here}.count"), draws.count)?;
@@ -121,25 +116,39 @@ impl SweepSpec {
                     "false with sweep.seeds: each draw would replace them by its own seed";
                 return value(&format!("{here}.seeded"), true, expected);
             }
+            if draws.ranges.is_empty() && !draws.seeded && draws.count > 1 {
+                let expected = "one range or more, or seeded = true: the draws are equal otherwise";
+                return value(&format!("{here}.ranges"), "[]", expected);
+            }
             for (j, range) in draws.ranges.iter().enumerate() {
-                may_be_swept(&format!("{here}.ranges[{j}].key"), &range.key)?;
                 ordered(&format!("{here}.ranges[{j}].low"), range.low, range.high)?;
             }
         }
-        self.search()?;
+        self.search.as_ref().map_or(Ok(()), SearchSpec::validate)?;
+        self.keys()?;
         self.size()
     }
 
-    fn search(&self) -> Checked {
-        let Some(search) = &self.search else { return Ok(()) };
-        search.validate()?;
-        let axes = self.grid.iter().flat_map(|axis| std::iter::once(&axis.key).chain(&axis.also));
-        let mut known: BTreeSet<&str> = axes.map(String::as_str).collect();
-        for (place, key) in search.keys() {
-            may_be_swept(&place, key)?;
-            if !known.insert(key) {
-                let expected = "a key that no other part of the grid and the search sets";
-                return value(&place, format!("{key:?}"), expected);
+    /// Each part of the sweep has keys of its own: of two values for one key the first would be
+    /// ignored. Cases and groups of draws are alternatives, which may set the same keys.
+    fn keys(&self) -> Checked {
+        let mut known = BTreeSet::new();
+        for (i, case) in self.cases.iter().enumerate() {
+            for key in case.set.keys() {
+                may_be_swept(&format!("sweep.cases[{i}].set"), key)?;
+                known.insert(key.as_str());
+            }
+        }
+        let grid = self.grid.iter().enumerate();
+        let grid =
+            grid.flat_map(|(i, axis)| placed(&format!("sweep.grid[{i}]"), &axis.key, &axis.also));
+        for (place, key) in grid.chain(self.search.iter().flat_map(SearchSpec::keys)) {
+            set_once(&place, key, &mut known)?;
+        }
+        for (i, draws) in self.draws.iter().enumerate() {
+            let mut known = known.clone();
+            for (j, range) in draws.ranges.iter().enumerate() {
+                set_once(&format!("sweep.draws[{i}].ranges[{j}].key"), &range.key, &mut known)?;
             }
         }
         Ok(())
@@ -181,6 +190,27 @@ impl SweepSpec {
         }
         Ok(())
     }
+}
+
+/// Checks that no two of these are equal: they would be the same trials, counted twice.
+fn distinct<T: PartialEq + std::fmt::Display>(place: &str, values: &[T]) -> Checked {
+    match values.iter().enumerate().find(|(i, item)| values[..*i].contains(item)) {
+        Some((_, twice)) => value(place, format!("{twice} twice"), "values that differ"),
+        None => Ok(()),
+    }
+}
+
+/// Checks that `key` may be swept, and replaces none of those before it, nor the table or list that
+/// one of them is in.
+pub(crate) fn set_once<'a>(place: &str, key: &'a str, known: &mut BTreeSet<&'a str>) -> Checked {
+    may_be_swept(place, key)?;
+    let replaced =
+        |other: &&str| other.strip_prefix(key).is_some_and(|r| r.is_empty() || r.starts_with('.'));
+    if known.iter().any(|other| replaced(&other)) {
+        return value(place, format!("{key:?}"), "a key that no other range, axis or case sets");
+    }
+    known.insert(key);
+    Ok(())
 }
 
 /// Whether the trials of one sweep may differ in `key`.

@@ -1,6 +1,6 @@
 //! From a `[sweep]` section to its trials.
 
-use crate::{AxisSpec, DrawsSpec, Experiment, ModelKind, Plants, Problem, SearchSpec, SweepSpec};
+use crate::{DrawsSpec, Experiment, ModelKind, Plants, Problem, SearchSpec, SweepSpec};
 use rand::rngs::ChaCha8Rng;
 use rand::{RngExt, SeedableRng};
 use std::collections::HashMap;
@@ -54,6 +54,19 @@ impl Trial {
     #[must_use]
     pub fn unit(&self) -> &str {
         self.training.as_ref().map_or(&self.id, |(id, _)| id)
+    }
+}
+
+impl Experiment {
+    /// What is left where only the net is trained. A net of a family does not depend on what the
+    /// plant's own values are for the parameters that it takes as inputs.
+    pub(crate) fn training_alone(&self) -> Self {
+        let mut alone = self.normalized();
+        (alone.prediction, alone.control, alone.one_step) = (None, None, None);
+        let ranges = self.domain.iter().flat_map(|domain| &domain.parameters);
+        let middle = ranges.map(|of| (of.name.clone(), of.low + 0.5 * (of.high - of.low)));
+        alone.plant = alone.plant.with_parameters(&middle.collect());
+        alone
     }
 }
 
@@ -115,7 +128,7 @@ fn drawn_keys(sweep: &SweepSpec) -> Vec<String> {
 pub fn trials(experiment: &Experiment) -> Result<Vec<Trial>, (String, Problem)> {
     let Some(sweep) = &experiment.sweep else { return Ok(Vec::new()) };
     let columns = columns(sweep);
-    let made = made(experiment, sweep);
+    let made = made(experiment, choices(sweep, experiment.seed));
     let made = made.map(|(choice, experiment)| Ok(choice.trial(experiment?, &columns)));
     let mut trials = made.collect::<Result<Vec<_>, _>>()?;
     let (of_group, mut groups) = (group_columns(sweep).len(), HashMap::new());
@@ -146,20 +159,42 @@ pub fn sweep_models(experiment: &Experiment, trials: &[Trial]) -> Vec<ModelKind>
 /// Checks that all trials can be made.
 pub(crate) fn check(experiment: &Experiment) -> Result<(), (String, Problem)> {
     let Some(sweep) = &experiment.sweep else { return Ok(()) };
-    made(experiment, sweep).try_for_each(|(_, experiment)| experiment.map(drop))
+    let alone = sweep.search.as_ref().map(|_| choices(&undrawn(sweep), experiment.seed));
+    let all = choices(sweep, experiment.seed).into_iter().chain(alone.into_iter().flatten());
+    made(experiment, all).try_for_each(|(_, experiment)| experiment.map(drop))
 }
 
-/// The choices of a sweep, and what each makes of the experiment.
+/// The sweep without what its candidates are judged by: seeds and draws.
+fn undrawn(sweep: &SweepSpec) -> SweepSpec {
+    SweepSpec { seeds: Vec::new(), draws: Vec::new(), ..sweep.clone() }
+}
+
+/// A candidate of a search, with the experiment's own seed and none of the draws: its names, each
+/// with its column, and its experiment.
+#[must_use]
+pub fn candidate(
+    experiment: &Experiment,
+    place: SearchPlace,
+) -> Option<(Vec<(String, String)>, Experiment)> {
+    let sweep = undrawn(experiment.sweep.as_ref()?);
+    let search = sweep.search.as_ref()?;
+    let i = (place.group * search.rungs() + place.rung) * search.candidates + place.candidate;
+    let choice = choices(&sweep, experiment.seed).into_iter().nth(i);
+    let (mut choice, alone) = made(experiment, choice).next()?;
+    choice.names.retain(|(column, _)| column != SEED);
+    Some((choice.names, alone.ok()?))
+}
+
+/// Choices, and what each makes of the experiment.
 fn made(
     experiment: &Experiment,
-    sweep: &SweepSpec,
+    choices: impl IntoIterator<Item = Choice>,
 ) -> impl Iterator<Item = (Choice, Result<Experiment, (String, Problem)>)> {
     let mut base = experiment.to_table_as_written();
     base.remove("sweep");
     base.remove("tune");
     let plants = experiment.plants().clone();
-    let choices = choices(sweep, experiment.seed).into_iter();
-    choices.map(move |choice| {
+    choices.into_iter().map(move |choice| {
         let made = choice.experiment(base.clone(), &plants);
         (choice, made)
     })
@@ -231,7 +266,7 @@ fn choices(sweep: &SweepSpec, seed: u64) -> Vec<Choice> {
     let mut axes = vec![seeds.iter().map(|&seed| one(SEED, number(seed))).collect()];
     axes.push(sweep.cases.iter().map(case).collect());
     for axis in &sweep.grid {
-        axes.push(axis.values.iter().map(|value| place(axis, value)).collect());
+        axes.push(axis.values.iter().map(|value| together(&axis.key, &axis.also, value)).collect());
     }
     axes.extend(sweep.search.as_ref().map(|search| candidates(search, seed)));
     let groups = sweep.draws.iter().zip(STREAM..);
@@ -251,11 +286,6 @@ fn one(key: &str, value: Value) -> Choice {
         values: vec![(key.to_owned(), value)],
         candidate: None,
     }
-}
-
-/// A place on an axis of the grid.
-fn place(axis: &AxisSpec, value: &Value) -> Choice {
-    together(&axis.key, &axis.also, value)
 }
 
 /// One value of a key and of those beside it.

@@ -1,10 +1,11 @@
 //! The `[tune]` section: what `pinc tune` may change, and what a loop costs.
 
+use crate::sweep::set_once;
 use crate::validate::Checked;
 use crate::validate::values::{ordered, value};
 use crate::{CaseSpec, DrawsSpec, Experiment, Problem, RangeSpec, SearchRange, SweepSpec};
 use serde::{Deserialize, Serialize};
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use toml::{Table, Value};
 
 /// Seeds of the loops that are held out: the config's with this bit changed.
@@ -113,7 +114,7 @@ impl TuneSpec {
         if !self.weights().iter().any(|(_, weight)| *weight > 0.0) {
             return wrong("cost", "no weight above 0", "one metric or more with a weight");
         }
-        let mut known: Vec<&String> = Vec::new();
+        let mut known = BTreeSet::new();
         for (i, range) in self.ranges.iter().enumerate() {
             range.check(&format!("tune.ranges[{i}]"))?;
             if !range.values.is_empty() {
@@ -124,11 +125,7 @@ impl TuneSpec {
                     let expected = "a key of [control]: the model is not tuned";
                     return wrong(&format!("ranges[{i}].key"), &format!("{key:?}"), expected);
                 }
-                if known.contains(&key) {
-                    let expected = "a key that no other range sets";
-                    return wrong(&format!("ranges[{i}].key"), &format!("{key:?}"), expected);
-                }
-                known.push(key);
+                set_once(&format!("tune.ranges[{i}].key"), key, &mut known)?;
             }
             // Another key may forbid a part of the range.
             let all = [0.5, 0.0, 1.0].map(|place| (range.key.clone(), range.value(place)));
@@ -140,10 +137,7 @@ impl TuneSpec {
         }
         for (i, range) in self.draws.iter().enumerate() {
             ordered(&format!("tune.draws[{i}].low"), range.low, range.high)?;
-            if let Some(key) = known.iter().find(|key| ***key == range.key) {
-                let expected = "a key that is not tuned";
-                return wrong(&format!("draws[{i}].key"), &format!("{key:?}"), expected);
-            }
+            set_once(&format!("tune.draws[{i}].key"), &range.key, &mut known)?;
             self.tried(experiment, (range.key.clone(), Value::Float(range.low)))?;
         }
         Ok(())

@@ -3,13 +3,14 @@
 
 mod crew;
 mod progress;
+mod sharing;
 mod status;
 
 pub use status::{Status, status};
 
 use crew::Crew;
 pub(crate) use crew::finish_trial;
-use pinc_config::{Experiment, Plants, SweepSpec, Trial, nets_of_parameters, sweep_models, trials};
+use pinc_config::{Experiment, Plants, SweepSpec, Trial, sweep_models, trials};
 use pinc_record::work::{Estimate, Ledger, Queue, effort, expected};
 use pinc_record::{
     Best, CsvText, Eligibility, Invocation, Provenance, RecordError, RunDir, SummaryTable,
@@ -19,6 +20,7 @@ use pinc_runs::invocation::{cores, invocation};
 use pinc_runs::progress::Verbosity;
 use pinc_runs::{Options, RunError, console, rebuild_report};
 use progress::Progress;
+use sharing::nets_of_parameters;
 use std::collections::{HashMap, HashSet};
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, MutexGuard, PoisonError};
@@ -324,17 +326,16 @@ impl<'a> Session<'a> {
 
     /// Writes the config of the best candidate, and returns what it is in words.
     fn write_best(&self, best: Best) -> Result<String, RunError> {
-        let trial = &self.trials[best.trial];
+        let place = self.trials[best.trial].search.expect("the best is a candidate");
+        let (names, mut experiment) =
+            pinc_config::candidate(self.experiment, place).expect("all candidates were checked");
         let minimize = self.sweep.search.as_ref().map_or("", |search| search.minimize.as_str());
-        let columns = pinc_config::columns(self.sweep).into_iter().zip(&trial.cells);
-        let of_candidate = columns.filter(|(column, _)| column != pinc_config::SEED);
-        let cells = of_candidate.map(|(column, cell)| match column.as_str() {
-            pinc_config::CANDIDATE => format!("candidate {cell}"),
-            _ => format!("{column} = {cell}"),
+        let names = names.iter().map(|(column, name)| match column.as_str() {
+            pinc_config::CANDIDATE => format!("candidate {name}"),
+            _ => format!("{column} = {name}"),
         });
-        let words = cells.collect::<Vec<_>>().join(", ");
+        let words = names.collect::<Vec<_>>().join(", ");
         let words = format!("{words}: {minimize} = {:.4e}", best.score);
-        let mut experiment = trial.experiment.clone();
         experiment.name += "-best";
         let text = format!("# The best of the sweep {}.\n# {words}\n\n", self.experiment.name);
         self.run_dir.write(file::BEST, (text + &experiment.to_toml()).as_bytes())?;

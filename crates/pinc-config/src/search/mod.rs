@@ -89,6 +89,12 @@ impl HalvingSpec {
     }
 }
 
+/// A key and those that take the same value, each with its place in the table `here`.
+pub(crate) fn placed<'a>(here: &str, key: &'a str, also: &'a [String]) -> Vec<(String, &'a str)> {
+    let also = also.iter().map(|key| (format!("{here}.also"), key.as_str()));
+    std::iter::once((format!("{here}.key"), key)).chain(also).collect()
+}
+
 impl SearchSpec {
     /// How many rungs there are.
     #[must_use]
@@ -98,18 +104,13 @@ impl SearchSpec {
 
     /// The keys that are set, each with its place in the config.
     pub(crate) fn keys(&self) -> Vec<(String, &str)> {
-        let mut keys = Vec::new();
-        for (i, range) in self.ranges.iter().enumerate() {
-            keys.push((format!("sweep.search.ranges[{i}].key"), range.key.as_str()));
-            let also = range.also.iter().map(String::as_str);
-            keys.extend(also.map(|key| (format!("sweep.search.ranges[{i}].also"), key)));
-        }
-        if let Some(halving) = &self.halving {
-            keys.push(("sweep.search.halving.key".to_owned(), halving.key.as_str()));
-            let also = halving.also.iter().map(String::as_str);
-            keys.extend(also.map(|key| ("sweep.search.halving.also".to_owned(), key)));
-        }
-        keys
+        let ranges = self.ranges.iter().enumerate();
+        let ranges = ranges.flat_map(|(i, range)| {
+            placed(&format!("sweep.search.ranges[{i}]"), &range.key, &range.also)
+        });
+        let halving = self.halving.iter();
+        let halving = halving.flat_map(|of| placed("sweep.search.halving", &of.key, &of.also));
+        ranges.chain(halving).collect()
     }
 
     /// Checks what can be checked without looking at the trials.

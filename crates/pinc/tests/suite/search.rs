@@ -1,6 +1,6 @@
 //! Searches: candidates drawn at random, and successive halving among them.
 
-use crate::common::{outcome, pinc};
+use crate::common::{outcome, pinc, repository};
 use crate::sweep::{SWEEP, read, rows, run, tables};
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -76,8 +76,9 @@ fn a_random_search_is_the_same_in_shards_and_finds_the_best_candidate() {
     let row = trials.iter().find(|t| t["candidate"] == best.to_string()).unwrap();
     assert!(text.contains(&format!("\nneurons = {}\n", row["model.neurons"])), "{text}");
     let config = at("whole").join("best.toml");
-    let trained =
-        outcome(pinc(&["train".as_ref(), config.as_os_str(), "--out".as_ref()]).arg(at("best")));
+    assert!(text.contains("\nseed = 3\n"), "the config's own: {text}");
+    let train = ["train".as_ref(), config.as_os_str(), "--set".as_ref(), "seed=1".as_ref()];
+    let trained = outcome(pinc(&train).arg("--out").arg(at("best")));
     assert_eq!(trained.code, Some(0), "{trained:?}");
     let metrics = read(&at("best"), "metrics.json");
     assert!(metrics.contains(&format!("\"mse_gen\": {}", row["mse_gen"])), "{metrics}");
@@ -92,6 +93,91 @@ fn a_random_search_is_the_same_in_shards_and_finds_the_best_candidate() {
         rows.iter().take(8).map(|t| t["training.lambda"].clone()).collect::<Vec<_>>()
     };
     assert_eq!(ids(&rows(&read(&at("more"), "sweep.csv"))), ids(&trials));
+}
+
+/// A sweep of two candidates of each of two cases, judged by draws of the initial state; and one
+/// whose loops all fail.
+#[test]
+fn the_best_candidate_is_the_config_with_its_values_and_none_of_the_draws() {
+    let sweep = r#"
+[sweep]
+seeds = [1, 2]
+cases = [{ name = "A", set = {} }, { name = "B", set = { "control.input_high" = [4.0] } }]
+draws = [{ name = "x0", count = 2, ranges = [{ key = "control.initial_state.0", low = 4.5, high = 5.5 }] }]
+[sweep.search]
+candidates = 2
+minimize = "rk4_iae_dense_sum"
+ranges = [{ key = "control.r.0", low = 0.1, high = 10.0 }]
+"#;
+    let base = fs::read_to_string(repository("configs/smoke/rk4-only.toml")).unwrap();
+    let dir = tempfile::tempdir().unwrap();
+    let (config, out) = (config_of(&dir), dir.path().join("out"));
+    fs::write(&config, format!("{base}{sweep}")).unwrap();
+    let found = run(&config, &out, &[]);
+    assert_eq!(found.code, Some(0), "{found:?}");
+    let trials = rows(&read(&out, "sweep.csv"));
+    let text = read(&out, "best.toml");
+    let [best, own]: [toml::Table; 2] = [&text, &base].map(|text| toml::from_str(text).unwrap());
+    let of = |table: &toml::Table, key: &str| table["control"][key].clone();
+    assert_eq!(best["seed"], own["seed"]);
+    assert_eq!(of(&best, "initial_state"), of(&own, "initial_state"));
+    let r = of(&best, "r")[0].as_float().unwrap();
+    let cell = |trial: &std::collections::HashMap<String, String>| {
+        trial["control.r.0"].parse::<f64>().unwrap()
+    };
+    assert!(trials.iter().any(|trial| (cell(trial) - r).abs() < 1e-12), "{text}");
+    assert!(text.contains("\n# case = ") && !text.contains("# case = B, draw"), "{text}");
+    assert!(!text.contains("draw = ") && !text.contains("initial_state.0 ="), "{text}");
+    assert!(read(&out, "summary.csv").contains("rk4_iae_dense_sum,4,0,0,4,4,"));
+
+    let fails = ["--fresh", "--set", "control.sqp.max_iterations=1"];
+    let failed = run(&config, &dir.path().join("failed"), &fails);
+    assert_eq!(failed.code, Some(1), "{failed:?}");
+    let trials = rows(&read(&dir.path().join("failed"), "sweep.csv"));
+    for trial in trials {
+        let [status, error] = ["status", "error"].map(|column| trial[column].as_str());
+        assert!(status == "failed" && error.contains("control.max_failed_share"), "{trial:?}");
+    }
+}
+
+/// Two values for one key, of which one would be ignored, and trials that would count twice.
+#[test]
+fn keys_that_two_parts_of_a_sweep_set_are_named() {
+    let axis = "grid = [{ key = \"control.n2\", also = [\"control.nu\"], values = [4, 6] }";
+    let draws =
+        |ranges: &str| format!("draws = [{{ name = \"d\", count = 2, ranges = [{ranges}] }}]");
+    let range = "{ key = \"control.r.0\", low = 0.1, high = 1.0 }";
+    let case = |key: &str| format!("cases = [{{ name = \"c\", set = {{ {key} }} }}]");
+    for (sweep, parts) in [
+        (
+            format!("{axis}, {{ key = \"control.nu\", values = [3] }}]"),
+            ["grid[1].key", "control.nu"],
+        ),
+        (format!("{axis}]\n{}", case("\"control.n2\" = 7")), ["grid[0].key", "control.n2"]),
+        (draws(&format!("{range}, {range}")), ["draws[0].ranges[1].key", "control.r.0"]),
+        (
+            format!("{}\n{}", case("\"control.r.0\" = 1.0"), draws(range)),
+            ["draws[0].ranges[0].key", "control.r.0"],
+        ),
+        (
+            format!(
+                "{}\ngrid = [{{ key = \"control.r\", values = [[1.0]] }}]",
+                case("\"control.r.0\" = 1.0")
+            ),
+            ["grid[0].key", "control.r"],
+        ),
+        (draws(""), ["draws[0].ranges", "equal otherwise"]),
+        ("seeds = [1, 2, 1]".to_owned(), ["sweep.seeds", "1 twice"]),
+        (
+            "grid = [{ key = \"control.n2\", values = [4, 4] }]".to_owned(),
+            ["grid[0].values", "4 twice"],
+        ),
+    ] {
+        let base = fs::read_to_string(repository("configs/smoke/rk4-only.toml")).unwrap();
+        let dir = tempfile::tempdir().unwrap();
+        fs::write(config_of(&dir), format!("{base}\n[sweep]\n{sweep}\n")).unwrap();
+        run(&config_of(&dir), &dir.path().join("out"), &[]).assert_refused(&parts);
+    }
 }
 
 fn config_of(dir: &tempfile::TempDir) -> PathBuf {

@@ -1,7 +1,7 @@
 //! Nets that trials share.
 
 use super::*;
-use crate::{Plants, trials};
+use pinc_config::{Experiment, Plants, trials};
 use std::path::Path;
 
 /// The trials of a sweep of three oscillators, with the parameters that the net takes.

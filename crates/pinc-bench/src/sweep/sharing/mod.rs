@@ -3,26 +3,12 @@
 #[cfg(test)]
 mod tests;
 
-use crate::{Experiment, Trial};
+use pinc_config::Trial;
 use std::collections::{BTreeMap, HashSet};
-
-impl Experiment {
-    /// What is left where only the net is trained. A net of a family does not depend on what the
-    /// plant's own values are for the parameters that it takes as inputs.
-    pub(crate) fn training_alone(&self) -> Self {
-        let mut alone = self.normalized();
-        (alone.prediction, alone.control, alone.one_step) = (None, None, None);
-        let ranges = self.domain.iter().flat_map(|domain| &domain.parameters);
-        let middle = ranges.map(|of| (of.name.clone(), of.low + 0.5 * (of.high - of.low)));
-        alone.plant = alone.plant.with_parameters(&middle.collect());
-        alone
-    }
-}
 
 /// How many nets these trials need, in words, where parameters of their plants differ: one for
 /// all of them, if it takes the parameters as inputs, or one for each plant.
-#[must_use]
-pub fn nets_of_parameters(trials: &[Trial]) -> Option<String> {
+pub(super) fn nets_of_parameters(trials: &[Trial]) -> Option<String> {
     let with_net: Vec<_> = trials.iter().filter(|trial| trial.training.is_some()).collect();
     let nets: HashSet<_> = with_net.iter().map(|trial| trial.unit()).collect();
     let mut ranges: BTreeMap<String, (f64, f64)> = BTreeMap::new();
