@@ -162,6 +162,19 @@ impl Experiment {
     /// The experiment of a resolved table, checked; or the key and what is wrong with its value.
     fn from_table(mut table: Table, plants: &Plants) -> Result<Self, (String, Problem)> {
         let schedules = sampled::write_out(&mut table)?;
+        let lists: Vec<String> = schedules.iter().map(|(key, _)| format!("{key}[")).collect();
+        Self::with_schedules(table, schedules, plants).map_err(|(key, problem)| {
+            // The config has no such list, but what it was made from.
+            let made = lists.iter().find(|list| key.starts_with(*list));
+            (made.map_or(&*key, |list| &list[..list.len() - 1]).to_owned(), problem)
+        })
+    }
+
+    fn with_schedules(
+        mut table: Table,
+        schedules: Vec<(String, Value)>,
+        plants: &Plants,
+    ) -> Result<Self, (String, Problem)> {
         identified::read(&mut table)?;
         let as_written = arrays::write_out(&mut table, plants)?.and(schedules);
         let mut experiment = Self::deserialized(table)?;

@@ -71,7 +71,7 @@ pub use prediction::PredictionSpec;
 pub use presets::Preset;
 pub use problem::{ConfigError, Origin, Problem, SetProblem};
 pub use registry::Variables;
-pub use sampled::csv_line;
+pub use sampled::{CsvProblem, CsvRow, csv_rows};
 pub use scenarios::{Combine, ScenarioSpec};
 pub use schedule::{BoundStep, ParameterStep, Schedule};
 pub use search::{HalvingSpec, SearchRange, SearchSpec};

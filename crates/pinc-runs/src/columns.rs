@@ -1,31 +1,7 @@
 //! CSV files that users give: their columns by name, their cells as numbers.
 
 use csv::StringRecord;
-use pinc_config::csv_line;
-
-/// Something wrong, and the line it is in.
-pub(super) type At = (u64, String);
-
-/// A row and its line.
-pub(super) type Row = Result<(u64, StringRecord), At>;
-
-/// The header of a CSV text, and its rows with their lines.
-pub(super) fn rows(text: &[u8]) -> Result<(StringRecord, impl Iterator<Item = Row>), At> {
-    let mut reader = csv::ReaderBuilder::new().trim(csv::Trim::All).from_reader(text);
-    let syntax =
-        |error: csv::Error| (csv_line(text, error.position()), format!("not a CSV file: {error}"));
-    let header = reader.headers().map_err(syntax)?.clone();
-    if let Some(twice) =
-        header.iter().enumerate().find(|(i, of)| header.iter().take(*i).any(|c| c == *of))
-    {
-        return Err((1, format!("column `{}` is given more than once", twice.1)));
-    }
-    let rows = reader.into_records().map(move |row| {
-        let row = row.map_err(syntax)?;
-        Ok((csv_line(text, row.position()), row))
-    });
-    Ok((header, rows))
-}
+pub(super) use pinc_config::{CsvProblem as At, CsvRow as Row, csv_rows as rows};
 
 /// Where each of `names` stands in a header, which has to have these and no others.
 pub(super) fn places(header: &StringRecord, names: &[String]) -> Result<Vec<usize>, String> {

@@ -12,7 +12,7 @@
 
 mod file;
 
-pub use file::csv_line;
+pub use file::{CsvProblem, CsvRow, csv_rows};
 
 use crate::problem::{Problem, nearest};
 use crate::validate::rounded;
@@ -159,13 +159,10 @@ impl Grid {
             for (field, signals, sampling) in sides {
                 let mut values = Table::new();
                 for (name, signal) in signals {
-                    let value = signal.sample(ends, *sampling);
-                    if !value.is_finite() {
-                        let found = format!("{value} at t = {}", ends[0]);
+                    let value = signal.sample(ends, *sampling).map_err(|found| {
                         let expected = "finite numbers".to_owned();
-                        let key = format!("{path}.{name}");
-                        return Err((key, Problem::Value { found, expected }));
-                    }
+                        (format!("{path}.{name}"), Problem::Value { found, expected })
+                    })?;
                     values.insert(name.clone(), Value::Float(value));
                 }
                 now.insert((*field).to_owned(), Value::Table(values));
@@ -232,16 +229,21 @@ fn function(path: &str, text: &str) -> Checked<TimeFunction> {
 }
 
 impl Signal {
-    fn sample(&self, [start, end]: [f64; 2], sampling: Sampling) -> f64 {
+    /// The value in a step, or what it is where that is no finite number.
+    fn sample(&self, [start, end]: [f64; 2], sampling: Sampling) -> Result<f64, String> {
+        let at = |t| {
+            let value = self.at(t);
+            if value.is_finite() { Ok(value) } else { Err(format!("{value} at t = {t}")) }
+        };
         // A step function has one value in a step, from its start on.
         if let Self::Column { is_linear: false, .. } = self {
-            return self.at(start);
+            return at(start);
         }
         match sampling {
-            Sampling::Start => self.at(start),
-            Sampling::End => self.at(end),
-            Sampling::Larger => self.at(start).max(self.at(end)),
-            Sampling::Smaller => self.at(start).min(self.at(end)),
+            Sampling::Start => at(start),
+            Sampling::End => at(end),
+            Sampling::Larger => Ok(at(start)?.max(at(end)?)),
+            Sampling::Smaller => Ok(at(start)?.min(at(end)?)),
         }
     }
 

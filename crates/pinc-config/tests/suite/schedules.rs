@@ -238,11 +238,16 @@ fn functions_that_cannot_be_used_are_refused() {
     for (set, expected) in [
         ("control.references={ x = \"2*tt\" }", "did you mean `t`?"),
         ("control.references={ x = \"2*(t\" }", "`control.references.x`"),
+        ("control.references={ x = \"1/(t - 1)\" }", "inf at t = 1 given, expected finite numbers"),
+        // A bound is looked up at both ends of a step.
         (
-            "control.references={ x = \"1/(t - 1)\" }",
-            "inf at t = 0.5 given, expected finite numbers",
+            "control.bound_schedule={ state_high = { x = \"9 + 0/(t - 0.5)\" } }",
+            "NaN at t = 0.5 given, expected finite numbers",
         ),
-        ("control.references={ y = \"t\" }", "`y` is not known; expected one of x"),
+        (
+            "control.references={ y = \"t\" }",
+            "`control.references`: `y` is not known; expected one of x",
+        ),
         (
             "control.references={ file = \"day.csv\" }",
             "`control.references.interpolation`: missing; expected \"linear\" or \"zero-order\"",

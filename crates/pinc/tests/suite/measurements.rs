@@ -71,7 +71,7 @@ fn bad_files_are_refused_with_line_and_column() {
         &TRAJECTORY.replace("t,u", "t,v"),
         &["m.csv:1: column `v` is unexpected; expected scenario,t,u,x1,x2"],
     );
-    refused(&STEPS.replace("x2_0", "x1_0"), &["m.csv:1: column `x1_0` is given more than once"]);
+    refused(&STEPS.replace("x2_0", "x1_0"), &["m.csv:1: column `x1_0` more than once"]);
     refused(
         &STEPS.replace("0,0.25,,0.8", "0,0.75,,0.8"),
         &["m.csv:3: column `t`: 0.75 s given, expected from 0 to T = 0.5 s"],

@@ -74,10 +74,12 @@ fn csv_mistakes_name_line_and_column() {
     }
     let expected = ["in.csv:1: ", "column `x2` is missing", "scenario,t,u,x1,x2"];
     predict_text("scenario,t,u,x1\na,0,0,1\n").assert_refused(&expected);
+    predict_text("scenario;t;u;x1;x2\na;0,0;0,1;1;2\n")
+        .assert_refused(&["in.csv:1: ", "separated by \";\", not by commas"]);
     predict_text("").assert_refused(&["in.csv:1: ", "column `scenario` is missing"]);
     let expected = ["in.csv:1: ", "column `v` is unexpected"];
     predict_text("scenario,t,u,v,x1,x2\n").assert_refused(&expected);
-    let expected = ["in.csv:1: ", "column `u` is given more than once"];
+    let expected = ["in.csv:1: ", "column `u` more than once"];
     predict_text("scenario,t,u,u,x1,x2\n").assert_refused(&expected);
 }
 

@@ -6,6 +6,7 @@ mod tests;
 use super::{Checked, Grid, Signal};
 use crate::problem::{Problem, nearest};
 use crate::validate::limits;
+use csv::StringRecord;
 use std::collections::BTreeMap;
 use std::path::Path;
 use toml::{Table, Value};
@@ -51,7 +52,11 @@ impl File {
             .map_err(|(line, found)| fail(line, "a header and rows of numbers", found))?;
         let time = header.iter().position(|column| column == "t");
         let time = time.ok_or_else(|| {
-            fail(1, "a column `t`, in s", format!("the columns {}", header.join(", ")))
+            fail(
+                1,
+                "a column `t`, in s",
+                format!("the columns {}", header.iter().collect::<Vec<_>>().join(", ")),
+            )
         })?;
         let times: Vec<f64> = rows.iter().map(|(_, row)| row[time]).collect();
         let line = |row: usize| rows[row].0;
@@ -65,11 +70,8 @@ impl File {
         let end = grid.time(grid.steps);
         if is_linear && times[times.len() - 1] < end * (1.0 - 1e-9) {
             let expected = format!("rows to the end of the run, t = {end}");
-            return Err(fail(
-                line(times.len() - 1),
-                &expected,
-                format!("t = {}", times[times.len() - 1]),
-            ));
+            let last = times.len() - 1;
+            return Err(fail(line(last), &expected, format!("t = {}", times[last])));
         }
         if !is_linear {
             for (row, &t) in times.iter().enumerate().filter(|(_, t)| **t > 0.0) {
@@ -79,7 +81,7 @@ impl File {
         }
         let column = |i: usize| rows.iter().map(|(_, row)| row[i]).collect();
         let columns = header.iter().enumerate().filter(|(i, _)| *i != time);
-        let columns = columns.map(|(i, name)| (name.clone(), column(i))).collect();
+        let columns = columns.map(|(i, name)| (name.to_owned(), column(i))).collect();
         Ok(Self { is_linear, times, columns })
     }
 
@@ -100,31 +102,52 @@ impl File {
 type Rows = Vec<(u64, Vec<f64>)>;
 
 /// The line of a row in a CSV text: the reader may count the end of the line before to the row.
-#[must_use]
-pub fn csv_line(text: &[u8], position: Option<&csv::Position>) -> u64 {
+fn line(text: &[u8], position: Option<&csv::Position>) -> u64 {
     let Some(position) = position else { return 1 };
     let from = usize::try_from(position.byte()).map_or(&[][..], |at| text.get(at..).unwrap_or(&[]));
     let ends = from.iter().take_while(|byte| matches!(byte, b'\r' | b'\n'));
     position.line() + ends.filter(|byte| **byte == b'\n').count() as u64
 }
 
-/// The header and the rows of numbers of a CSV text; or the line and what is there.
-fn rows(text: &[u8]) -> Result<(Vec<String>, Rows), (u64, String)> {
+/// Something wrong in a CSV text, after its line.
+pub type CsvProblem = (u64, String);
+
+/// A row of a CSV text, after its line.
+pub type CsvRow = Result<(u64, StringRecord), CsvProblem>;
+
+/// The header of a CSV text, and its rows.
+///
+/// # Errors
+///
+/// What is wrong with the header.
+pub fn csv_rows(text: &[u8]) -> Result<(StringRecord, impl Iterator<Item = CsvRow>), CsvProblem> {
     let mut reader = csv::ReaderBuilder::new().trim(csv::Trim::All).from_reader(text);
-    let syntax = |error: &csv::Error| {
-        let line = csv_line(text, error.position());
-        (line, error.to_string())
-    };
-    let header = reader.headers().map_err(|error| syntax(&error))?;
-    let header: Vec<String> = header.iter().map(str::to_owned).collect();
-    if let Some(twice) = (1..header.len()).find(|&i| header[..i].contains(&header[i])) {
-        return Err((1, format!("the column `{}` more than once", header[twice])));
+    let syntax =
+        |error: csv::Error| (line(text, error.position()), format!("not a CSV file: {error}"));
+    let header = reader.headers().map_err(syntax)?.clone();
+    if let Some(other) =
+        [";", "\t"].iter().find(|other| header.len() == 1 && header[0].contains(**other))
+    {
+        return Err((1, format!("columns separated by {other:?}, not by commas")));
     }
+    if let Some(twice) = (1..header.len()).find(|&i| header.iter().take(i).any(|c| *c == header[i]))
+    {
+        return Err((1, format!("column `{}` more than once", &header[twice])));
+    }
+    let rows = reader.into_records().map(move |row| {
+        let row = row.map_err(syntax)?;
+        Ok((line(text, row.position()), row))
+    });
+    Ok((header, rows))
+}
+
+/// The header and the rows of numbers of a CSV text; or the line and what is there.
+fn rows(text: &[u8]) -> Result<(StringRecord, Rows), CsvProblem> {
+    let (header, given) = csv_rows(text)?;
     let mut rows = Vec::new();
-    for row in reader.records() {
-        let row = row.map_err(|error| syntax(&error))?;
-        let line = csv_line(text, row.position());
-        let number = |(cell, column): (&str, &String)| match cell.parse::<f64>() {
+    for row in given {
+        let (line, row) = row?;
+        let number = |(cell, column): (&str, &str)| match cell.parse::<f64>() {
             Ok(number) if number.is_finite() => Ok(number),
             _ => Err((line, format!("`{cell}` in the column `{column}`"))),
         };
