@@ -102,7 +102,7 @@ impl NmpcBatch {
         let x = Rows::new("x", given.x, dims.nx, loops)?;
         let u_before = Rows::new("u_before", given.u_before, dims.nu, loops)?;
         let p = Rows::new("parameters", given.parameters, plant.np, loops)?;
-        let found = share(&mut self.workers, loops, |nmpc, k| {
+        let found = share(&mut self.workers, loops, self.interrupted, |nmpc, k| {
             let reference = &given.references[k % given.references.len()];
             let plant = Plant { model: make(), p: p.at(k) };
             Backward { given: &given, reference, plant }.run(nmpc, x.at(k), u_before.at(k))

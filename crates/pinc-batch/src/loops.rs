@@ -61,7 +61,7 @@ impl NmpcBatch {
                 return Err(MpcError::Length { field, expected: loops, found });
             }
         }
-        let traces = share(&mut self.workers, loops, |nmpc, k| {
+        let traces = share(&mut self.workers, loops, self.interrupted, |nmpc, k| {
             let plant = &given.plants[k % given.plants.len()];
             let reference = &given.references[k % given.references.len()];
             run(nmpc, (plant, reference), [x.at(k), u_before.at(k)], given.preview)

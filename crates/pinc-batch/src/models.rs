@@ -71,15 +71,20 @@ impl ModelBatch {
         let x = Rows::new("x", x, dims.nx, items)?;
         let u = Rows::new("u", u, steps * dims.nu, items)?;
         let p = Rows::new("p", p, dims.np, items)?;
-        let states = share(&mut self.workers, items, |model, k| {
-            let mut states = x.at(k).to_vec();
-            for (step, u) in u.at(k).chunks_exact(dims.nu.max(1)).enumerate() {
-                states.resize((step + 2) * dims.nx, 0.0);
-                let (before, next) = states.split_at_mut((step + 1) * dims.nx);
-                model.step(&before[step * dims.nx..], u, p.at(k), next);
-            }
-            states.split_off(dims.nx)
-        });
+        let states = share(
+            &mut self.workers,
+            items,
+            || false,
+            |model, k| {
+                let mut states = x.at(k).to_vec();
+                for (step, u) in u.at(k).chunks_exact(dims.nu.max(1)).enumerate() {
+                    states.resize((step + 2) * dims.nx, 0.0);
+                    let (before, next) = states.split_at_mut((step + 1) * dims.nx);
+                    model.step(&before[step * dims.nx..], u, p.at(k), next);
+                }
+                states.split_off(dims.nx)
+            },
+        );
         Ok(states.concat())
     }
 }

@@ -17,15 +17,18 @@ pub(crate) fn threads(wanted: usize) -> usize {
 
 /// Returns what `job` makes of each item, in their order; each worker is used by one thread.
 /// Threads take items as they come, so that `job` must not depend on what its worker did before.
+/// If `interrupted`, which this thread asks from time to time, some of the last are missing.
 pub(crate) fn share<W: Send, R: Send>(
     workers: &mut [W],
     items: usize,
+    interrupted: impl Fn() -> bool,
     job: impl Fn(&mut W, usize) -> R + Sync,
 ) -> Vec<R> {
     let next = AtomicUsize::new(0);
-    let work = |worker: &mut W| {
+    let work = |worker: &mut W, begin: &dyn Fn()| {
         let mut done = Vec::new();
         loop {
+            begin();
             let first = next.fetch_add(AT_ONCE, Ordering::Relaxed);
             if first >= items {
                 return done;
@@ -37,8 +40,14 @@ pub(crate) fn share<W: Send, R: Send>(
     let most = items.div_ceil(AT_ONCE).clamp(1, workers.len());
     let mut parts = thread::scope(|scope| {
         let (own, others) = workers[..most].split_at_mut(1);
-        let others: Vec<_> = others.iter_mut().map(|worker| scope.spawn(|| work(worker))).collect();
-        let mut parts: Vec<_> = own.iter_mut().flat_map(&work).collect();
+        let others: Vec<_> =
+            others.iter_mut().map(|worker| scope.spawn(|| work(worker, &|| ()))).collect();
+        let stop = || {
+            if interrupted() {
+                next.store(items, Ordering::Relaxed);
+            }
+        };
+        let mut parts: Vec<_> = own.iter_mut().flat_map(|worker| work(worker, &stop)).collect();
         for other in others {
             match other.join() {
                 Ok(part) => parts.extend(part),

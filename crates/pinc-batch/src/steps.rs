@@ -10,6 +10,7 @@ use pinc_sensitivity::{ProblemDerivative, Regularity, Sensitivity};
 #[derive(Debug)]
 pub struct NmpcBatch {
     pub(crate) workers: Vec<Nmpc>,
+    pub(crate) interrupted: fn() -> bool,
 }
 
 /// What a batch of control steps is given. All but `x` may have one row for all steps.
@@ -90,7 +91,13 @@ impl NmpcBatch {
     /// An error of `make`.
     pub fn new<E>(threads: usize, mut make: impl FnMut() -> Result<Nmpc, E>) -> Result<Self, E> {
         let workers = (0..self::threads(threads)).map(|_| make()).collect::<Result<_, _>>()?;
-        Ok(Self { workers })
+        Ok(Self { workers, interrupted: || false })
+    }
+
+    /// Lets methods ask from time to time, on the thread that called them, whether to stop. If so they
+    /// return early, without the results of some of the last items.
+    pub fn ask_to_stop(&mut self, interrupted: fn() -> bool) {
+        self.interrupted = interrupted;
     }
 
     /// Returns the controller.
@@ -108,7 +115,8 @@ impl NmpcBatch {
     /// parameters is not finite.
     pub fn steps(&mut self, at: Situations<'_>) -> Result<StepBatch, MpcError> {
         let at = self.check(at)?;
-        let steps = share(&mut self.workers, at.steps, |nmpc, k| at.step(nmpc, k));
+        let steps =
+            share(&mut self.workers, at.steps, self.interrupted, |nmpc, k| at.step(nmpc, k));
         Ok(StepBatch::collect(steps.into_iter().collect::<Result<_, _>>()?))
     }
 
@@ -144,7 +152,7 @@ impl NmpcBatch {
             let by_under_way = add_prediction(nmpc, [at.x.at(k), under_way], &mut gradient);
             Ok((step, ((regularity, gradient), by_under_way)))
         };
-        let done = share(&mut self.workers, at.steps, one);
+        let done = share(&mut self.workers, at.steps, self.interrupted, one);
         let done: Vec<_> = done.into_iter().collect::<Result<_, MpcError>>()?;
         let (steps, derivatives): (Vec<_>, Vec<_>) = done.into_iter().unzip();
         let (derivatives, by_under_way): (Vec<_>, Vec<_>) = derivatives.into_iter().unzip();
@@ -161,7 +169,7 @@ impl NmpcBatch {
         items: usize,
         job: impl Fn(&mut Nmpc, usize) -> R + Sync,
     ) -> Vec<R> {
-        share(&mut self.workers, items, job)
+        share(&mut self.workers, items, self.interrupted, job)
     }
 
     fn check<'a>(&self, at: Situations<'a>) -> Result<Checked<'a>, MpcError> {

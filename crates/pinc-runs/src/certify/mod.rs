@@ -46,6 +46,9 @@ pub(crate) fn variables(net: &PincNet) -> Vec<String> {
 /// Random points if nothing else is asked for.
 const POINTS: usize = 1000;
 
+/// Points that are judged between two looks at Ctrl-C.
+const AT_ONCE: usize = 1024;
+
 /// The most points.
 const MOST_POINTS: usize = 1_000_000;
 
@@ -87,7 +90,11 @@ pub fn certify(
     let provenance = Provenance::of(experiment, invocation(options.arguments));
     run_dir.write_provenance(&provenance, options.resume)?;
     let threads = cores();
-    let judged = subject.judge(&all, threads)?;
+    let mut judged = Vec::new();
+    for points in all.chunks(AT_ONCE) {
+        options.check_interrupt(run_dir.dir())?;
+        judged.extend(subject.judge(points, threads)?);
+    }
     run_dir.write(file::CERTIFY_POINTS, table(&subject, &all, &judged).as_bytes())?;
     let mut metrics = metrics(experiment, &subject, &judged, drawn.len());
     let differences = subject.estimate_differences(&all, &judged)?;
