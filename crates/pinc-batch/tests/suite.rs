@@ -49,6 +49,19 @@ fn states(count: usize) -> Vec<f64> {
         .collect()
 }
 
+/// Asked to stop before the first items, every thread ends there, and the next batch is whole.
+#[test]
+fn a_batch_that_is_asked_to_stop_leaves_out_the_last_items() {
+    let x = states(200);
+    let at = Situations { x: &x, reference: &[9.0; 10], u_before: &[1.0; 2], parameters: &[] };
+    let mut batch = NmpcBatch::new(1, nmpc).unwrap();
+    batch.ask_to_stop(|| true);
+    assert!(batch.steps(at).unwrap().statuses.is_empty());
+    assert!(batch.each(200, |_, k| k).is_empty());
+    batch.ask_to_stop(|| false);
+    assert_eq!(batch.steps(at).unwrap().statuses.len(), 200);
+}
+
 #[test]
 fn steps_are_the_same_alone_and_on_any_number_of_threads() {
     let count = 200;
