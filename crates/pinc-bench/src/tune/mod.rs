@@ -77,8 +77,8 @@ pub fn tune(
     let Search { cost, candidates, refused } = tried;
     session.run_dir.write(TABLE, cost.table(spec, &candidates).as_bytes())?;
     let values = &candidates[best].0;
-    let config = session.write_config(experiment, &cost, &candidates, best)?;
     let (report, scores) = session.judge(values, &cost)?;
+    let config = session.write_config(experiment, &cost, &candidates, (best, &scores))?;
     let mut text = cost.compared(spec, experiment, values, &scores);
     if let [first, ..] = &refused[..] {
         let (refused, total) = (refused.len(), spec.candidates);
@@ -86,6 +86,11 @@ pub fn tune(
             text,
             "Note: the config does not admit {refused} of {total} candidates: {first}"
         );
+    }
+    if scores[0].is_better(&scores[1]) {
+        let advice = "on held-out loops the config is better as it is written: more loops would \
+                      tell candidates apart better";
+        let _ = writeln!(text, "Note: {advice}");
     }
     let _ = writeln!(text, "candidates: {}", session.run_dir.path(TABLE).display());
     let held_out = scores.map(|score| score.cost);
@@ -257,7 +262,7 @@ impl Session<'_> {
         experiment: &Experiment,
         cost: &Cost,
         tried: &[Tried],
-        best: usize,
+        (best, [before, after]): (usize, &[Score; 2]),
     ) -> Result<PathBuf, RunError> {
         let (values, score) = &tried[best];
         let mut tuned = experiment.with_candidate(values).map_err(|(key, problem)| {
@@ -265,7 +270,8 @@ impl Session<'_> {
         })?;
         tuned.name += "-tuned";
         let mut text = format!(
-            "# {} tuned: cost {score}, as written {}\n# cost: {cost}\n",
+            "# {} tuned: cost {score}, as written {}\n# held out: cost {after}, as written {before}\n\
+             # cost: {cost}\n",
             experiment.name, tried[0].1
         );
         for (key, value) in values {

@@ -83,7 +83,10 @@ fn the_tuned_config_is_better_on_other_plants_and_a_resumed_run_repeats_nothing(
     let [tuned, before] = costs[..] else { panic!("{line}") };
     assert!(tuned < 0.7 * before, "{line}");
 
+    assert!(!first.stdout.contains("better as it is written"), "{first:?}");
     let path = out.join("tuned.toml");
+    let said = format!("\n# held out: cost {tuned:.4}, as written {before:.4}\n");
+    assert!(fs::read_to_string(&path).unwrap().contains(&said), "{said}");
     let experiment = Experiment::load(&path, &[], &Plants::built_in()).unwrap();
     let control = experiment.control.as_ref().unwrap();
     assert_eq!(control.n2, control.nu);
