@@ -92,11 +92,11 @@ fn columns(variables: &Variables) -> Vec<(String, &str)> {
 
 /// Checks the parameters that are trained with the net.
 pub(super) fn unknown_parameters(experiment: &Experiment, data: &DataSpec) -> Checked {
-    parameters(|i| format!("data.parameters[{i}]"), &data.parameters, experiment)?;
     if !experiment.varying().is_empty() {
-        let expected = "no such key with [domain.parameters]: the measurements are of one plant";
+        let expected = "no such key with [domain.parameters]: files do not say of which plant";
         return value("data.files", format!("{:?}", data.files), expected);
     }
+    parameters(|i| format!("data.parameters[{i}]"), &data.parameters, experiment)?;
     if data.parameters.is_empty() {
         return Ok(());
     }

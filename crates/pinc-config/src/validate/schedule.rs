@@ -17,10 +17,12 @@ const PLANT: &str = "control.plant_schedule";
 pub(super) fn schedules(experiment: &Experiment, spec: &ControlSpec) -> Checked {
     let varying: Vec<String> = experiment.varying().into_iter().map(str::to_owned).collect();
     let own = experiment.plant_in_the_loop().parameter_names();
-    if !spec.parameter_schedule.is_empty() && spec.estimator.is_some() {
-        let expected =
-            "no such key with [control.estimator], whose parameters are constant or estimated";
-        return value("control.parameter_schedule", "a list", expected);
+    if !spec.parameter_schedule.is_empty() {
+        let others = [(
+            "[control.estimator], whose parameters are constant or estimated",
+            spec.estimator.is_some(),
+        )];
+        alone(PARAMETERS, "values", "key", &others)?;
     }
     measured(spec, &varying)?;
     schedule(PARAMETERS, &spec.parameter_schedule, &varying, spec.duration_s)?;
@@ -161,13 +163,12 @@ fn measured(spec: &ControlSpec, varying: &[String]) -> Checked {
     if measured.is_empty() {
         return Ok(());
     }
-    let also_gives = "control.parameter_schedule, which also gives parameters";
     let others = [
         (
             "[control.estimator], whose parameters are constant or estimated",
             spec.estimator.is_some(),
         ),
-        (also_gives, !spec.parameter_schedule.is_empty()),
+        ("control.parameter_schedule, which gives them", !spec.parameter_schedule.is_empty()),
     ];
     alone(key, format!("{measured:?}"), "key", &others)
 }

@@ -196,9 +196,10 @@ fn unknown_parameters_that_make_no_sense_are_refused() {
     };
     refused("parameters = [\"mi\"]", &["data.parameters[0]", "mi", "mu"]);
     refused("parameters = [\"mu\", \"mu\"]", &["data.parameters[1]", "each parameter once"]);
+    refused("[domain.parameters]\nmu = [0.5, 1.5]", &["data.files", "of which plant"]);
     refused(
         "parameters = [\"mu\"]\n[domain.parameters]\nmu = [0.5, 1.5]",
-        &["data.parameters", "no such key with [domain.parameters]"],
+        &["data.files", "no such key with [domain.parameters]"],
     );
     refused(
         "parameters = [\"mu\"]\nheld_out = [\"m.csv\"]",
