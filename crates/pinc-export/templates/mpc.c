@@ -36,8 +36,10 @@
 #define PINC_CONTRACTION PINC_N(0.9)
 #define PINC_SUFFICIENT PINC_N(1e-4)
 #define PINC_HALVINGS 20
-/* Of the length of steps. */
-#define PINC_PATIENCE 4
+/* A row with a smaller multiplier is not active. */
+#define PINC_ACTIVE PINC_PICK(1e-7, 1e-4)
+/* A difference of steps of which the other leaves less than this part says nothing new. */
+#define PINC_INDEPENDENT PINC_PICK(1e-8, 1e-3)
 /* For how many steps a plan that was followed goes on without having been improved. */
 #define PINC_MOST_WAITING 5
 /* What is done between two questions whether the budget is spent: stages linearized, inputs

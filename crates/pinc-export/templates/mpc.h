@@ -86,6 +86,15 @@ typedef struct {
     pinc_multipliers m;
 } pinc_plan;
 
+/* How many earlier steps accelerate one. */
+#define PINC_DEPTH 2
+
+/* A step of an optimization, and where it ended, from where that is now. */
+typedef struct {
+    PINC_REAL d[PINC_UNKNOWNS];
+    pinc_plan end;
+} pinc_past;
+
 /* The control problem linearized at a plan. */
 typedef struct {
     PINC_REAL a[PINC_STATES * PINC_NX];
@@ -202,9 +211,8 @@ typedef struct {
 @TUBE_MEMORY@    PINC_REAL d[PINC_UNKNOWNS];
     pinc_multipliers step;
     pinc_multipliers weights;
-    PINC_REAL last_step[PINC_UNKNOWNS];
-    PINC_REAL last_length;
-    int steps;
+    pinc_past past[PINC_DEPTH + 1];
+    int count;
     PINC_REAL work[PINC_UNKNOWNS];
     PINC_REAL previous[PINC_NU];
     PINC_REAL pending[PINC_ROOM(PINC_DELAY * PINC_NU)];

@@ -389,6 +389,7 @@ static void pinc_enter_elastic(pinc_mpc *m)
     const PINC_REAL weight = PINC_ELASTIC_WEIGHT * pinc_max(sizes, PINC_N(1));
     int v;
     m->elastic = 1;
+    m->count = 0;
     for (v = 0; v < PINC_STATES; v++) {
         if (!(m->penalty[v] < PINC_INFINITY)) {
             m->penalty[v] = weight;
@@ -439,31 +440,134 @@ static int pinc_try(pinc_mpc *m, const PINC_REAL *reference, PINC_REAL length, P
 
 static void pinc_accept(pinc_mpc *m, PINC_REAL length)
 {
-    pinc_copy(m->last_step, m->d, PINC_UNKNOWNS);
-    m->last_length = length;
-    m->steps++;
+    int i;
+    for (i = 0; i <= PINC_DEPTH; i++) {
+        pinc_add_scaled(m->past[i].end.z, -length, m->d, PINC_UNKNOWNS);
+    }
     m->at = 1 - m->at;
 }
 
-/* The length to try for the step after Barzilai and Borwein, or 0 for none. */
-static PINC_REAL pinc_length(const pinc_mpc *m)
+/* The limit at which a row with this multiplier stays; infinite if it is not active, or violated. */
+static PINC_REAL pinc_held_at(PINC_REAL multiplier, PINC_REAL low, PINC_REAL high,
+                              PINC_REAL penalty)
 {
-    PINC_REAL along = PINC_N(0);
-    PINC_REAL whole = PINC_N(0);
-    PINC_REAL ratio;
+    const PINC_REAL size = pinc_abs(multiplier);
+    if ((size > PINC_ACTIVE) && (size < (penalty - PINC_ACTIVE))) {
+        return (multiplier > PINC_N(0)) ? high : low;
+    }
+    return PINC_INFINITY;
+}
+
+/* Whether rows are held at the same limits by the multipliers of the plan and of the step. Without
+   penalties they are hard. */
+static int pinc_hold_alike(const PINC_REAL *plan, const PINC_REAL *step, const PINC_REAL *low,
+                           const PINC_REAL *high, const PINC_REAL *penalty, int count)
+{
+    int i;
+    for (i = 0; i < count; i++) {
+        const PINC_REAL hardness = (penalty != NULL) ? penalty[i] : PINC_INFINITY;
+        if (pinc_held_at(plan[i], low[i], high[i], hardness) !=
+            pinc_held_at(step[i], low[i], high[i], hardness)) {
+            return 0;
+        }
+    }
+    return 1;
+}
+
+static int pinc_same_active(const pinc_mpc *m)
+{
+    const pinc_qp *qp = &m->qp[m->at];
+    const pinc_multipliers *plan = &m->plan.m;
+    const pinc_multipliers *step = &m->step;
+    return pinc_hold_alike(plan->bounds, step->bounds, qp->low, qp->high, m->penalty,
+                           PINC_STATES) &&
+           pinc_hold_alike(plan->bounds + PINC_STATES, step->bounds + PINC_STATES,
+                           qp->low + PINC_STATES, qp->high + PINC_STATES, NULL, PINC_INPUTS) &&
+           pinc_hold_alike(plan->increments, step->increments, qp->increment_low,
+                           qp->increment_high, NULL, PINC_INPUTS) &&
+           pinc_hold_alike(plan->outputs, step->outputs, qp->output_low, qp->output_high,
+                           m->output_penalty, PINC_OUTPUT_ROWS);
+}
+
+/* The gammas for which d - gamma[0] (d - d_1) - gamma[1] (d - d_2) is least; 0 if there are none. */
+static int pinc_gammas(const PINC_REAL *d, const PINC_REAL *one, const PINC_REAL *two,
+                       PINC_REAL *gamma)
+{
+    PINC_REAL aa = PINC_N(0);
+    PINC_REAL ab = PINC_N(0);
+    PINC_REAL bb = PINC_N(0);
+    PINC_REAL ad = PINC_N(0);
+    PINC_REAL bd = PINC_N(0);
+    PINC_REAL along;
+    PINC_REAL left;
     int v;
-    if (m->steps < PINC_PATIENCE) {
-        return PINC_N(0);
-    }
     for (v = 0; v < PINC_UNKNOWNS; v++) {
-        along += m->d[v] * m->last_step[v];
-        whole += m->last_step[v] * m->last_step[v];
+        const PINC_REAL a = d[v] - one[v];
+        const PINC_REAL b = d[v] - two[v];
+        aa += a * a;
+        ab += a * b;
+        bb += b * b;
+        ad += a * d[v];
+        bd += b * d[v];
     }
-    ratio = along / whole;
-    if (!(ratio < PINC_N(1))) {
-        return PINC_N(0);
+    /* The part of b that is orthogonal to a. */
+    along = ab / aa;
+    left = bb - (along * ab);
+    gamma[1] =
+        (left > (PINC_INDEPENDENT * bb)) ? ((bd - (along * ad)) / left) : PINC_N(0);
+    gamma[0] = (ad / aa) - (along * gamma[1]);
+    return pinc_finite(gamma[0]) && pinc_finite(gamma[1]);
+}
+
+/* Moves parts of the way from a step to the two before it. */
+static void pinc_move_back(PINC_REAL *to, const PINC_REAL *now, const PINC_REAL *one,
+                           const PINC_REAL *two, const PINC_REAL *gamma, int count)
+{
+    int i;
+    for (i = 0; i < count; i++) {
+        to[i] += (gamma[0] * (one[i] - now[i])) + (gamma[1] * (two[i] - now[i]));
     }
-    return pinc_clamp(m->last_length / (PINC_N(1) - ratio), PINC_N(0.05), PINC_N(50));
+}
+
+static void pinc_move_step_back(pinc_mpc *m, const pinc_plan *now, const pinc_plan *one,
+                                const pinc_plan *two, const PINC_REAL *gamma)
+{
+    pinc_move_back(m->d, now->z, one->z, two->z, gamma, PINC_UNKNOWNS);
+    pinc_move_back(m->step.dynamics, now->m.dynamics, one->m.dynamics, two->m.dynamics, gamma,
+                   PINC_STATES);
+    pinc_move_back(m->step.bounds, now->m.bounds, one->m.bounds, two->m.bounds, gamma,
+                   PINC_UNKNOWNS);
+    pinc_move_back(m->step.increments, now->m.increments, one->m.increments, two->m.increments,
+                   gamma, PINC_INPUTS);
+    pinc_move_back(m->step.outputs, now->m.outputs, one->m.outputs, two->m.outputs, gamma,
+                   PINC_OUTPUT_ROWS);
+}
+
+/* Accelerates the step by those before it that had the same active rows (Anderson); gives where it
+   is as it was, or NULL where there are none. */
+static const pinc_past *pinc_accelerate(pinc_mpc *m)
+{
+    const pinc_past *one;
+    const pinc_past *two;
+    pinc_past *now;
+    PINC_REAL gamma[2];
+    int known;
+    if (pinc_same_active(m) == 0) {
+        m->count = 0;
+    }
+    known = m->count;
+    now = &m->past[known % (PINC_DEPTH + 1)];
+    one = &m->past[(known + 2) % (PINC_DEPTH + 1)];
+    two = (known > 1) ? &m->past[(known + 1) % (PINC_DEPTH + 1)] : one;
+    m->count++;
+    pinc_copy(now->d, m->d, PINC_UNKNOWNS);
+    pinc_copy(now->end.z, m->d, PINC_UNKNOWNS);
+    now->end.m = m->step;
+    if ((known == 0) || (pinc_gammas(now->d, one->d, two->d, gamma) == 0)) {
+        return NULL;
+    }
+    pinc_move_step_back(m, &now->end, &one->end, &two->end, gamma);
+    return now;
 }
 
 /* How the search along a step ended: with a plan; without; with the budget spent and the plan where
@@ -508,15 +612,15 @@ static pinc_found pinc_search(pinc_mpc *m, const PINC_REAL *reference, PINC_REAL
                               PINC_REAL least)
 {
     const PINC_REAL good = PINC_CONTRACTION * least;
-    const PINC_REAL length = pinc_length(m);
+    const pinc_past *plain = pinc_accelerate(m);
     PINC_REAL now = PINC_N(0);
     m->base = m->plan;
-    if (length > PINC_N(0)) {
-        if (pinc_try(m, reference, length, &now) == 0) {
+    if (plain != NULL) {
+        if (pinc_try(m, reference, PINC_N(1), &now) == 0) {
             return PINC_UNJUDGED;
         }
         if (m->kkt <= good) {
-            pinc_accept(m, length);
+            pinc_accept(m, PINC_N(1));
             *cost = now;
             return PINC_FOUND;
         }
@@ -524,6 +628,8 @@ static pinc_found pinc_search(pinc_mpc *m, const PINC_REAL *reference, PINC_REAL
             m->plan = m->base;
             return PINC_LATE;
         }
+        pinc_copy(m->d, plain->d, PINC_UNKNOWNS);
+        m->step = plain->end.m;
     }
     if (pinc_try(m, reference, PINC_N(1), &now) == 0) {
         return PINC_UNJUDGED;
@@ -634,7 +740,7 @@ static pinc_status pinc_optimize(pinc_mpc *m, const PINC_REAL *reference)
     m->elastic = 0;
     pinc_restore_penalties(m);
     memset(&m->weights, 0, sizeof(m->weights));
-    m->steps = 0;
+    m->count = 0;
     m->iterations = 0;
     m->standing = PINC_JUDGED;
     if (pinc_evaluate(m, m->plan.z, reference, &m->qp[m->at], &cost) == 0) {

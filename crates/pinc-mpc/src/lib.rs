@@ -5,7 +5,7 @@
 //!   [`Bounds`].
 //! - [`Nmpc`]: the controller. Each step solves the problem by Gauss-Newton sequential quadratic
 //!   programming and returns how that ended ([`SqpStatus`]) and how good the plan is
-//!   ([`KktResidual`]). Other Gauss-Newton iterations can use its step length, [`BarzilaiBorwein`].
+//!   ([`KktResidual`]).
 //! - [`Reference`], [`Timetable`] and [`BoundSchedule`]: references, parameters and bounds that
 //!   change over the steps and are known in advance.
 //!
@@ -17,7 +17,7 @@
 
 #![forbid(unsafe_code)]
 
-mod barzilai_borwein;
+mod anderson;
 mod bounds;
 mod builder;
 mod config;
@@ -53,7 +53,6 @@ mod units;
 mod weights;
 mod work;
 
-pub use barzilai_borwein::BarzilaiBorwein;
 pub use bounds::{Bounds, Softness};
 pub use builder::NmpcBuilder;
 pub use config::{SqpConfig, SqpHessian, SqpStatus};

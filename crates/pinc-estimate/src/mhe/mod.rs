@@ -1,15 +1,17 @@
 //! Moving horizon estimation.
 
+mod barzilai_borwein;
 mod program;
 mod smoother;
 mod window;
 
+use self::barzilai_borwein::BarzilaiBorwein;
 use self::program::{Constants, Point, Program};
 use self::window::Window;
 use crate::estimator::variances;
 use crate::kalman::{Kalman, subtract};
 use crate::{Correction, EstimateError, Estimator, EstimatorStatus, Tuning};
-use pinc_mpc::{BarzilaiBorwein, Memory};
+use pinc_mpc::Memory;
 use pinc_ode::{Dims, Linearization, LinearizationBuffer, Model, OutputLinearization, Stages};
 use pinc_qp::{Multipliers, QpStatus, all_finite};
 

@@ -17,6 +17,7 @@ impl Sqp {
     #[inline(never)]
     pub(super) fn enter_elastic(&mut self) {
         self.elastic = true;
+        self.acceleration.reset();
         let qp = match self.hessian.current() {
             Hessian::GaussNewton => &self.qp,
             Hessian::Exact => &self.curved,

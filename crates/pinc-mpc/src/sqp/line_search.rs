@@ -14,6 +14,8 @@ const HALVINGS: usize = 20;
 const CONCAVE: f64 = 0.5;
 /// The part of that fall by which violations may grow.
 const BROKEN: f64 = 0.1;
+/// After so many steps with the same active rows the exact Hessian is slow.
+const SLOW: usize = 4;
 /// How often a step is doubled.
 const DOUBLINGS: usize = 10;
 
@@ -30,6 +32,19 @@ impl Sqp {
     ) -> Option<Point> {
         self.set_trial(plan, length, input.targets.previous);
         self.try_point(model, input, plan, expired)
+    }
+
+    /// Accelerates the step by those before it that had the same active rows; whether there are enough of them.
+    /// The exact Hessian leaves no fraction of the error, unless it is slow.
+    pub(super) fn accelerate(&mut self, plan: &Solution) -> bool {
+        if !self.qp.has_same_active(&plan.multipliers, &self.step.multipliers) {
+            self.acceleration.reset();
+        }
+        let least = match self.hessian.current() {
+            Hessian::GaussNewton => 1,
+            Hessian::Exact => SLOW,
+        };
+        self.acceleration.accelerate(&mut self.step, least)
     }
 
     pub(super) fn set_trial(&self, plan: &mut Solution, length: f64, previous: &[f64]) {

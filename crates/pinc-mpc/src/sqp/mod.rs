@@ -8,7 +8,7 @@ mod outcome;
 
 pub(crate) use outcome::{Outcome, PlanState};
 
-use crate::barzilai_borwein::BarzilaiBorwein;
+use crate::anderson::Anderson;
 use crate::cost::Targets;
 use crate::curvature::{At, Purpose};
 use crate::horizon::Horizon;
@@ -35,8 +35,8 @@ const CONTRACTION: f64 = 0.9;
 /// residual clearly the least seen so far, which can happen only finitely often; otherwise steps
 /// are halved until the [`Merit`] function decreases. So neither the merit function's reluctance
 /// near a solution (the Maratos effect) costs steps, nor does the iteration diverge from afar.
-/// Where it turns out to be slow, steps are made longer or shorter by its [`BarzilaiBorwein`], and
-/// then the [`HessianChoice`] takes the exact Hessian of the Lagrangian.
+/// A step is accelerated by those before it ([`Anderson`]); where the iteration is slow all the same,
+/// the [`HessianChoice`] takes the exact Hessian of the Lagrangian.
 ///
 /// If a linearized problem has no solution, or its step is none of descent, the hard constraints on
 /// states become soft for the rest of the control step (elastic mode): violated as little as
@@ -68,7 +68,7 @@ pub(crate) struct Sqp {
     /// A step that was not good enough, while another is tried.
     other_step: QpStep,
     merit: Merit,
-    step_length: BarzilaiBorwein,
+    acceleration: Anderson,
     /// Where the step starts.
     base: Solution,
     /// The state that the QP was prepared for.
@@ -130,7 +130,7 @@ impl Sqp {
             step: QpStep::new(dims),
             other_step: QpStep::new(dims),
             merit: Merit::new(dims),
-            step_length: BarzilaiBorwein::new(dims.unknowns()),
+            acceleration: Anderson::new(dims),
             base: Solution::new(dims),
             prepared: vec![0.0; dims.nx],
             work: vec![0.0; dims.unknowns()],
@@ -340,7 +340,7 @@ impl Sqp {
         expired: &mut dyn FnMut() -> bool,
     ) -> Outcome {
         self.merit.reset();
-        self.step_length.reset();
+        self.acceleration.reset();
         self.transcription.follow_plan(None);
         let Some(mut point) = self.try_point(model, input, plan, expired) else {
             return Outcome::expired_at_once();
@@ -364,7 +364,7 @@ impl Sqp {
             // H
             self.dropped = false;
             if self.hessian.judge(iterations, point.kkt.max()) {
-                self.step_length.reset();
+                self.acceleration.reset();
             }
             let slow = self.hessian.is_slow();
             if self.interior.as_mut().is_some_and(|interior| interior.is_due(iterations, slow)) {
@@ -499,17 +499,18 @@ impl Sqp {
     ) -> Search {
         self.base.copy_from(plan);
         let good = |point: &Point| point.kkt.max() <= CONTRACTION * least;
-        if let Some(length) = self.step_length.length(&self.step.d) {
-            let Some(point) = self.evaluate_trial(model, input, plan, length, expired) else {
+        if self.accelerate(plan) {
+            let Some(point) = self.evaluate_trial(model, input, plan, 1.0, expired) else {
                 return Search::Unevaluated;
             };
             if good(&point) {
-                self.accept_trial(length);
+                self.accept_trial(1.0);
                 return Search::Found(point);
             }
             if expired() {
                 return self.give_up(plan);
             }
+            self.acceleration.take_back(&mut self.step);
         }
         let Some(whole) = self.evaluate_trial(model, input, plan, 1.0, expired) else {
             return Search::Unevaluated;
@@ -570,7 +571,7 @@ impl Sqp {
 
     fn accept_trial(&mut self, length: f64) {
         self.hessian.take_note(length);
-        self.step_length.remember(&self.step.d, length);
+        self.acceleration.advance(&self.step.d, length);
         std::mem::swap(&mut self.qp, &mut self.trial);
     }
 

@@ -23,7 +23,7 @@ const LENGTHS: [f64; 2] = [0.05, 50.0];
 /// fixed-point iteration z <- z + d(z), and Aitken's extrapolation where a = 1. It is a guess: the
 /// caller takes it only if it brings the residual down.
 #[derive(Clone, Debug)]
-pub struct BarzilaiBorwein {
+pub(super) struct BarzilaiBorwein {
     last: Vec<f64>,
     last_length: f64,
     steps: usize,
@@ -31,19 +31,17 @@ pub struct BarzilaiBorwein {
 
 impl BarzilaiBorwein {
     /// For steps of `unknowns` numbers.
-    #[must_use]
-    pub fn new(unknowns: usize) -> Self {
+    pub(super) fn new(unknowns: usize) -> Self {
         Self { last: vec![0.0; unknowns], last_length: 1.0, steps: 0 }
     }
 
     /// Forgets all steps: an iteration begins.
-    pub fn reset(&mut self) {
+    pub(super) fn reset(&mut self) {
         self.steps = 0;
     }
 
     /// The length to try for step `d`, if it is not 1.
-    #[must_use]
-    pub fn length(&self, d: &[f64]) -> Option<f64> {
+    pub(super) fn length(&self, d: &[f64]) -> Option<f64> {
         if self.steps < PATIENCE {
             return None;
         }
@@ -53,7 +51,7 @@ impl BarzilaiBorwein {
     }
 
     /// Takes note of a step and of its length.
-    pub fn remember(&mut self, d: &[f64], length: f64) {
+    pub(super) fn remember(&mut self, d: &[f64], length: f64) {
         self.last.copy_from_slice(d);
         self.last_length = length;
         self.steps += 1;
