@@ -256,8 +256,8 @@ void pinc_mpc_reset_to(pinc_mpc *m, const PINC_REAL x[PINC_NX], const PINC_REAL 
 
 /**
  * Says which input the plant was really given in place of the last one chosen. An input that is
- * beyond the bounds or not finite is refused with PINC_BAD_ARGUMENT and changes nothing; the status
- * is PINC_CONVERGED otherwise.
+ * beyond the bounds or not finite is refused with PINC_BAD_ARGUMENT and changes nothing, as a struct
+ * that was not set up is with PINC_NOT_INITIALIZED; the status is PINC_CONVERGED otherwise.
  */
 pinc_status pinc_mpc_set_applied(pinc_mpc *m, const PINC_REAL u[PINC_NU]);
 

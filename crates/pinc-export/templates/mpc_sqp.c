@@ -1060,6 +1060,9 @@ static int pinc_is_input(const pinc_mpc *m, const PINC_REAL u[PINC_NU])
 
 pinc_status pinc_mpc_set_applied(pinc_mpc *m, const PINC_REAL u[PINC_NU])
 {
+    if (m->mark != PINC_MARK) {
+        return PINC_NOT_INITIALIZED;
+    }
     if (pinc_is_input(m, u) == 0) {
         return PINC_BAD_ARGUMENT;
     }

@@ -428,7 +428,8 @@ int main(void)
     for (k = 0; k < 3; k++) {
         /* Whatever the memory holds. */
         memset(&f[k], (k == 0) ? 0 : 0xff, sizeof(f[k]));
-        if (ctl_feedback_set_applied(&f[k], within) != CTL_NOT_INITIALIZED) {
+        if (ctl_feedback_set_applied(&f[k], within) != CTL_NOT_INITIALIZED ||
+            ctl_mpc_set_applied(&f[k].controller, within) != CTL_NOT_INITIALIZED) {
             return 1;
         }
         ctl_feedback_init(&f[k]);
