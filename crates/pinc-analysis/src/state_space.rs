@@ -192,8 +192,9 @@ impl StateSpace {
     #[must_use]
     pub fn eigenvalues(&self) -> Vec<Complex> {
         let n = self.a.nrows();
-        let off =
-            |i: usize, j: usize| if (i + 2 * j) % 3 == 0 { f64::EPSILON } else { -f64::EPSILON };
+        let off = |i: usize, j: usize| {
+            if (i + 2 * j).is_multiple_of(3) { f64::EPSILON } else { -f64::EPSILON }
+        };
         let rounded = eigenvalues(&Mat::from_fn(n, n, |i, j| self.a[(i, j)] * (1.0 + off(i, j))));
         let values = eigenvalues(&self.a);
         let fastest = values.iter().fold(0.0, |most: f64, value| most.max(value.abs()));

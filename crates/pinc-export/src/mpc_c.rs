@@ -413,7 +413,7 @@ fn steady_steps(
     (rounding, tolerance): (f64, f64),
 ) -> Result<usize, ExportError> {
     for (k, ((x, window), u)) in states.iter().zip(windows).zip(inputs).enumerate() {
-        let sign = |i: usize| if (i + k) % 2 == 0 { rounding } else { -rounding };
+        let sign = |i: usize| if (i + k).is_multiple_of(2) { rounding } else { -rounding };
         let x: Vec<f64> = x.iter().enumerate().map(|(i, x)| x * (1.0 + sign(i))).collect();
         let again = nmpc.step(&x, window)?.u;
         if again.iter().zip(u).any(|(a, b)| (a - b).abs() > tolerance * (1.0 + b.abs())) {

@@ -13,7 +13,7 @@ const INDEPENDENT: f64 = 1e-8;
 /// Anderson's acceleration of the iteration z <- z + d(z).
 ///
 /// A Gauss-Newton step misses a part of the Hessian, so that each step leaves the same fractions of
-/// the error's components. Of the last steps d_i, which ended at z_i + d_i, the combination
+/// the error's components. Of the last steps `d_i`, which ended at `z_i + d_i`, the combination
 ///
 /// ```text
 /// z = sum_i alpha_i (z_i + d_i),    sum_i alpha_i = 1,    |sum_i alpha_i d_i| least,
@@ -91,7 +91,7 @@ impl Anderson {
     }
 }
 
-/// The gamma_i for which `|d - sum_i gamma_i (d - d_i)|` is least.
+/// The gammas for which `|d - sum_i gamma_i (d - d_i)|` is least.
 fn gammas(d: &[f64], past: &[Step]) -> Option<[f64; DEPTH]> {
     let (one, two) = (past.first()?, past.get(1));
     let [mut aa, mut ab, mut bb, mut ad, mut bd] = [0.0; 5];
