@@ -206,7 +206,7 @@ pub(crate) fn set_once<'a>(place: &str, key: &'a str, known: &mut BTreeSet<&'a s
     may_be_swept(place, key)?;
     let replaced =
         |other: &&str| other.strip_prefix(key).is_some_and(|r| r.is_empty() || r.starts_with('.'));
-    if known.iter().any(|other| replaced(&other)) {
+    if known.iter().any(replaced) {
         return value(place, format!("{key:?}"), "a key that no other range, axis or case sets");
     }
     known.insert(key);
