@@ -17,7 +17,6 @@
 
 #![forbid(unsafe_code)]
 
-mod anderson;
 mod bounds;
 mod builder;
 mod config;

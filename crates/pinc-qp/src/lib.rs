@@ -29,6 +29,7 @@ macro_rules! sized {
 }
 
 mod algebra;
+mod anderson;
 mod choice;
 #[cfg(feature = "clarabel")]
 mod clarabel;
@@ -46,6 +47,7 @@ mod tree;
 mod work;
 
 pub use algebra::{all_finite, largest, symmetrize};
+pub use anderson::Anderson;
 pub use choice::{ChosenQp, QpError, QpMethod};
 pub use convexify::{Convexifier, Convexity};
 pub use multipliers::{Multipliers, residual_scale};

@@ -47,6 +47,7 @@ mod points;
 mod polynomial;
 mod problem;
 mod proof;
+mod quantiles;
 mod reference;
 mod rough;
 mod rounding;
@@ -60,6 +61,7 @@ pub use interval::Interval;
 pub use points::{Largest, PointError};
 pub use problem::{MOST_VARIABLES, StepError, StepModel};
 pub use proof::SMALL_PROOF;
+pub use quantiles::quantile_bound;
 pub use reference::reference;
 pub use search::{Bracket, Leaf, Search, SearchSettings};
 

@@ -8,7 +8,6 @@ mod outcome;
 
 pub(crate) use outcome::{Outcome, PlanState};
 
-use crate::anderson::Anderson;
 use crate::cost::Targets;
 use crate::curvature::{At, Purpose};
 use crate::horizon::Horizon;
@@ -21,7 +20,7 @@ use crate::transcription::Transcription;
 use crate::{BoundSchedule, MpcError, NmpcProblem, Softness, SqpConfig, SqpStatus, StepWork};
 use hessian::{Hessian, HessianChoice};
 use interior::{Interior, Phase};
-use pinc_qp::{ChosenQp, OcpDims, Qp, QpSolver, QpStatus, QpStep, Row};
+use pinc_qp::{Anderson, ChosenQp, OcpDims, Qp, QpSolver, QpStatus, QpStep, Row};
 use std::ops::Range;
 
 /// A step is taken whole if it brings the KKT residual below this part of the least seen.

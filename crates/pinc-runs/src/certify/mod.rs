@@ -2,7 +2,6 @@
 
 mod domain;
 mod points;
-mod quantiles;
 mod subject;
 mod verify;
 
@@ -145,7 +144,7 @@ fn metrics(
     ratios.sort_by(f64::total_cmp);
     let of_state = |i: usize, quantile: f64| {
         let errors = judged[..drawn].iter().map(|of| of.largest(i)).collect();
-        quantiles::upper_bound(errors, quantile, CONFIDENCE)
+        pinc_verify::quantile_bound(errors, quantile, CONFIDENCE)
     };
     let of_quantile = |(name, quantile): (&str, f64)| {
         let states = subject.states.iter().enumerate();

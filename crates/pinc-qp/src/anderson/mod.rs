@@ -3,7 +3,7 @@
 #[cfg(test)]
 mod tests;
 
-use pinc_qp::{Multipliers, OcpDims, QpStep};
+use crate::{Multipliers, OcpDims, QpStep};
 
 /// How many earlier steps are looked at.
 const DEPTH: usize = 2;
@@ -25,7 +25,7 @@ const INDEPENDENT: f64 = 1e-8;
 /// References: Anderson, "Iterative procedures for nonlinear integral equations", J. ACM 12 (1965);
 /// Walker and Ni, "Anderson acceleration for fixed-point iterations", SIAM J. Numer. Anal. 49 (2011).
 #[derive(Clone, Debug)]
-pub(crate) struct Anderson {
+pub struct Anderson {
     /// The steps, the last one first.
     steps: [Step; DEPTH + 1],
     /// How many there were.
@@ -42,20 +42,21 @@ struct Step {
 
 impl Anderson {
     /// For the steps of problems of these sizes.
-    pub(crate) fn new(dims: OcpDims) -> Self {
+    #[must_use]
+    pub fn new(dims: OcpDims) -> Self {
         let zeros = || vec![0.0; dims.unknowns()];
         let step = || Step { d: zeros(), end: zeros(), multipliers: Multipliers::new(dims) };
         Self { steps: std::array::from_fn(|_| step()), count: 0 }
     }
 
     /// Forgets all steps: another iteration begins.
-    pub(crate) fn reset(&mut self) {
+    pub fn reset(&mut self) {
         self.count = 0;
     }
 
     /// Accelerates `step` by those before it, if there are `least` of them that tell something; whether
     /// it did.
-    pub(crate) fn accelerate(&mut self, step: &mut QpStep, least: usize) -> bool {
+    pub fn accelerate(&mut self, step: &mut QpStep, least: usize) -> bool {
         let known = self.count.min(DEPTH);
         self.steps.rotate_right(1);
         self.count += 1;
@@ -78,13 +79,13 @@ impl Anderson {
     }
 
     /// Makes `step` what it was before it was accelerated.
-    pub(crate) fn take_back(&self, step: &mut QpStep) {
+    pub fn take_back(&self, step: &mut QpStep) {
         step.d.copy_from_slice(&self.steps[0].d);
         step.multipliers.copy_from(&self.steps[0].multipliers);
     }
 
     /// The iteration goes on from `length` of `d` away.
-    pub(crate) fn advance(&mut self, d: &[f64], length: f64) {
+    pub fn advance(&mut self, d: &[f64], length: f64) {
         for step in &mut self.steps {
             step.end.iter_mut().zip(d).for_each(|(end, d)| *end -= length * d);
         }

@@ -5,7 +5,8 @@
 ///
 /// The k-th smallest of n values is at least the quantile unless k or more of them are below it,
 /// which a binomial distribution says.
-pub(super) fn upper_bound(mut values: Vec<f64>, quantile: f64, confidence: f64) -> Option<f64> {
+#[must_use]
+pub fn quantile_bound(mut values: Vec<f64>, quantile: f64, confidence: f64) -> Option<f64> {
     values.sort_by(f64::total_cmp);
     let n = values.len();
     let number = |count: usize| count as f64;
