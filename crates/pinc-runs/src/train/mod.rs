@@ -241,7 +241,7 @@ impl Session {
                 self.write_checkpoint(run_dir)?;
                 return Err(stop);
             }
-            if self.is_over(effort) {
+            if is_over(effort, self.wall()) {
                 return Ok(TIME_LIMIT.to_owned());
             }
             if last_look.elapsed() >= threads.every {
@@ -282,10 +282,12 @@ impl Session {
     ) -> Result<Box<Certificate>, RunError> {
         let refused = |reason: String| proof::not_proven(experiment, &reason);
         let too_late = || refused("training.time_limit_s is over".to_owned());
+        let begun = Instant::now();
         for _ in 0..MOST_ROUNDS {
             let (net, threads) = (self.trainer.net(), (threads.now)());
             let tolerance = proof::tolerances(&net, tolerance);
-            let check = || match self.is_over(effort) {
+            // A net that was trained to the limit has as long for its proof.
+            let check = || match is_over(effort, begun.elapsed()) {
                 true => Err(too_late()),
                 false => options.check_interrupt(run_dir.dir()),
             };
@@ -326,11 +328,6 @@ impl Session {
             Some(mse) => format!("loss {:.2e}, validation MSE {mse:.2e}", iterated.loss),
             None => format!("loss {:.2e}", iterated.loss),
         });
-    }
-
-    /// Whether `time_limit_s` is over.
-    fn is_over(&self, effort: &Effort) -> bool {
-        effort.time_limit_s.is_some_and(|limit| self.wall().as_secs_f64() >= limit)
     }
 
     fn wall(&self) -> Duration {
@@ -404,6 +401,11 @@ fn row(
         fresh_loss: iterated.fresh_loss,
         loss_measured: iterated.loss_measured,
     }
+}
+
+/// Whether `time_limit_s` is over after this time.
+fn is_over(effort: &Effort, after: Duration) -> bool {
+    effort.time_limit_s.is_some_and(|limit| after.as_secs_f64() >= limit)
 }
 
 #[cfg(test)]

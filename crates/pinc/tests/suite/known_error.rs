@@ -243,6 +243,18 @@ fn tolerances_name_states_and_are_positive() {
     control("training.proven={ x1 = 1.0 }", &["training.proven", "proven_tolerance"]);
 }
 
+/// The time limit ends the training, and leaves time for a proof.
+#[test]
+fn a_net_that_is_trained_to_the_time_limit_is_proven() {
+    let dir = tempfile::tempdir().unwrap();
+    let sets = ["training.proven_tolerance={ x1 = 10.0, x2 = 20.0 }", "training.time_limit_s=2.0"];
+    let done = train(dir.path(), &small(), 10_000_000, &sets);
+    assert_eq!(done.code, Some(0), "{done:?}");
+    let bytes = fs::read(dir.path().join("run/model.safetensors")).unwrap();
+    let net = pinc_net::PincNet::from_bytes(&bytes).unwrap();
+    assert!(pinc_runs::certificate(&net).unwrap().proven["x1"] <= 10.0);
+}
+
 /// A net is trained until its error is proven; the certificate is checked against net, equation and
 /// domain, and its bounds are proven again.
 #[test]
