@@ -6,6 +6,7 @@ use pinc_analysis::{
     beyond_knee,
 };
 use pinc_config::{ControlSpec, ModelKind};
+use pinc_mpc::QpMethod;
 use pinc_net::{Ansatz, TrainingTarget};
 use pinc_ode::Integrator;
 
@@ -17,9 +18,6 @@ const STIFF: f64 = 10.0;
 /// is four times as large when it can be answered.
 const MOST_DOUBLINGS: f64 = 2.0;
 
-/// The growth over a horizon from which on condensed programs are inexact.
-const MOST_GROWTH: f64 = 1e5;
-
 /// Points between two references, and points of the closed loop, at which integrators are examined.
 const BETWEEN: u32 = 8;
 const POINTS: usize = 200;
@@ -27,7 +25,7 @@ const POINTS: usize = 200;
 pub(crate) fn examine(subject: &Subject<'_>) -> Vec<Finding> {
     let mut findings = Vec::new();
     let points = subject.operating_points();
-    let mut found = Vec::new();
+    let (mut found, mut doublings) = (Vec::new(), Vec::new());
     if subject.centre.is_none() && !points.iter().any(|operating| operating.is_steady) {
         let what = format!("no steady state was found in {} or near it", subject.region_name);
         findings.push(Finding::fact("", what));
@@ -62,11 +60,12 @@ pub(crate) fn examine(subject: &Subject<'_>) -> Vec<Finding> {
                 None => TimeScales::of(&modes),
             };
             findings.extend(sample_time(subject, &place, &scales));
-            findings.extend(growth(subject, &scales));
+            doublings.extend(scales.doubling_s);
         }
         found.push((place, modes));
     }
     if subject.experiment.sample_time_s().is_some() {
+        findings.extend(growth(subject, &doublings));
         findings.extend(stiff(subject, &found));
         findings.extend(distill(subject, &found));
     }
@@ -264,23 +263,24 @@ fn sample_time(subject: &Subject<'_>, place: &str, scales: &TimeScales) -> Optio
     })
 }
 
-/// A plant whose deviations grow so much over the horizon that programs lose digits without the states.
-fn growth(subject: &Subject<'_>, scales: &TimeScales) -> Option<Finding> {
-    let (control, doubling) = (subject.experiment.control.as_ref()?, scales.doubling_s?);
-    let horizon = control.horizon_s(subject.step_s());
+/// Warns of a plant whose deviations grow so much over the horizon that condensed programs are inaccurate.
+/// `doublings` are the times in s in which a deviation doubles at the places that are examined.
+fn growth(subject: &Subject<'_>, doublings: &[f64]) -> Option<Finding> {
+    let doubling = doublings.iter().copied().min_by(f64::total_cmp)?;
+    let horizon = subject.experiment.control.as_ref()?.horizon_s(subject.step_s());
     let growth = (horizon / doubling).exp2();
-    (growth > MOST_GROWTH).then(|| {
+    (growth > QpMethod::MOST_GROWTH).then(|| {
         let what = format!(
-            "a deviation grows by a factor {} over the horizon of {}",
+            "a deviation grows by a factor of {} over the horizon of {}",
             short(growth),
             subject.time(horizon)
         );
         Finding::warning("control.n2", what)
             .because(
-                "programs in the inputs alone lose digits: exported C and sqp.qp = \"condensed\" \
-                 may fail",
+                "condensed programs are inaccurate then, so exported C and sqp.qp = \"condensed\" may \
+                 fail",
             )
-            .change("a shorter horizon; with sqp.qp = \"auto\" the library loses none")
+            .change("a shorter horizon, or sqp.qp = \"auto\", which solves such programs stage by stage")
     })
 }
 

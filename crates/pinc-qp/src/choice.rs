@@ -27,9 +27,10 @@ const MOST_FROM_SCRATCH: usize = 100;
 #[serde(rename_all = "kebab-case")]
 #[non_exhaustive]
 pub enum QpMethod {
-    /// `Condensed` where it takes fewer operations, and for programs that couple all inputs;
-    /// `Riccati` for others, for plants whose states grow much over the horizon and for scenario trees, which leaves programs of up to 100 free inputs that it has no good
-    /// guess for to `Condensed`; where that fails, `Clarabel`, if this crate is built with it.
+    /// `Condensed` if it takes fewer operations and states grow by at most [`QpMethod::MOST_GROWTH`], and
+    /// for programs that couple all inputs; `Riccati` otherwise and for scenario trees. `Riccati` leaves
+    /// programs of up to 100 free inputs that it has no good guess for to `Condensed`. `Clarabel`, if
+    /// this crate is built with it, solves programs on which these fail.
     #[default]
     Auto,
     /// The states are eliminated; a dense dual active-set method solves what is left. The fastest
@@ -63,6 +64,10 @@ pub enum QpError {
 }
 
 impl QpMethod {
+    /// The factor by which a state may grow over the horizon before `Auto` solves condensed programs stage
+    /// by stage instead: the condensed Hessian has entries of its square beside those of size 1.
+    pub const MOST_GROWTH: f64 = 1e5;
+
     /// Resolves `Auto`, with n states and m inputs at a stage, and N stages of which the first Nu
     /// have an input of their own.
     ///
@@ -93,7 +98,7 @@ impl fmt::Display for QpMethod {
 #[derive(Debug)]
 pub struct ChosenQp {
     method: Box<dyn QpSolver>,
-    /// One after the other.
+    /// Methods for programs on which it fails, in this order.
     fallbacks: Vec<Box<dyn QpSolver>>,
 }
 
@@ -122,7 +127,7 @@ impl ChosenQp {
             _ if !chain && !stagewise => return Err(QpError::NotStagewise),
             QpMethod::Condensed if !chain => return Err(QpError::CondensedTree),
             QpMethod::Condensed if leaves_unstable => {
-                Box::new(CondensedQp::new(qp).of_stable_plants())
+                Box::new(CondensedQp::new(qp).for_stable_plants())
             }
             QpMethod::Condensed | QpMethod::Riccati | QpMethod::Auto => {
                 Box::new(CondensedQp::new(qp))

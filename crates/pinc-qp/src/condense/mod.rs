@@ -4,13 +4,10 @@ mod panels;
 
 use super::algebra::{add_product, add_scaled, add_transposed, block, block_mut};
 use super::dense::{ActiveSet, DenseQp, DenseStatus};
-use super::{Kind, Limits, Qp, QpSolver, QpStatus, QpStep, QpWork, Row};
+use super::{Kind, Limits, Qp, QpMethod, QpSolver, QpStatus, QpStep, QpWork, Row};
 use crate::{OcpDims, RowBlock};
 use panels::Panels;
 use pinc_ad::simd::{Simd, Task};
-
-/// The growth from which on other methods are more exact.
-const MOST_GROWTH: f64 = 1e5;
 
 /// Solves a [`Qp`] by eliminating its states and giving what is left, a small dense program in the
 /// inputs, to the active-set method.
@@ -31,7 +28,7 @@ const MOST_GROWTH: f64 = 1e5;
 /// Only finite limits become rows. All memory is allocated at construction.
 #[derive(Debug)]
 pub(super) struct CondensedQp {
-    /// By what factor states may grow over the horizon: H has the square of it beside its smallest terms.
+    /// The factor by which states may grow over the horizon.
     most_growth: f64,
     dense: DenseQp,
     solver: ActiveSet,
@@ -107,9 +104,9 @@ impl CondensedQp {
         Self { most_growth: f64::INFINITY, solver, dense, rows, panels }
     }
 
-    /// Fails on programs of plants that are too unstable over the horizon for exact solutions.
-    pub(super) fn of_stable_plants(self) -> Self {
-        Self { most_growth: MOST_GROWTH, ..self }
+    /// Makes it fail on programs whose states grow by more than [`QpMethod::MOST_GROWTH`].
+    pub(super) fn for_stable_plants(self) -> Self {
+        Self { most_growth: QpMethod::MOST_GROWTH, ..self }
     }
 
     /// How many rows joined or left the working set in the last solution.

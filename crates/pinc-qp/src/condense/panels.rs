@@ -61,8 +61,8 @@ impl Panels {
         block(&self.states, j * n + i, self.stride)
     }
 
-    /// How much more the first inputs move the last state than the last n of them do, which reach all of a
-    /// controllable state.
+    /// Returns the ratio of what the first inputs and what the last n inputs do to the last state, for the
+    /// entry of the state in which it is largest. The last n inputs reach all of a controllable state.
     pub(super) fn growth(&self, dims: OcpDims) -> f64 {
         let size = |g: &[f64]| g.iter().fold(0.0, |most: f64, g| most.max(g.abs()));
         let late = 1 + dims.n_controls.saturating_sub(dims.nx) * dims.nu;
