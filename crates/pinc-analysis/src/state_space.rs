@@ -9,8 +9,8 @@ use pinc_ode::DynRhs;
 /// singular.
 const SINGULAR: f64 = 1e-11;
 
-/// How far eigenvalues may be off: so many times what rounding of the matrix moves them by, and this part
-/// of the largest.
+/// The error bound of an eigenvalue: so many times the distance that rounding of the matrix moves it, plus
+/// this part of the largest eigenvalue.
 const MARGIN: f64 = 30.0;
 const ROUNDING: f64 = 1e-14;
 
@@ -186,9 +186,10 @@ impl StateSpace {
         }
     }
 
-    /// The eigenvalues of A in 1/s; none if they cannot be computed. What rounding alone makes of one or
-    /// of its real part is 0: how much that is, is seen from entries that are off by rounding, since
-    /// eigenvalues of integrators in a row are off by its root.
+    /// Returns the eigenvalues of A in 1/s, or none if they cannot be computed. An eigenvalue that rounding
+    /// cannot tell from 0 is 0, and so is such a real part. How far rounding moves each eigenvalue is
+    /// estimated from a matrix with rounded entries, since integrators in series have eigenvalues that are off
+    /// by a root of the rounding.
     #[must_use]
     pub fn eigenvalues(&self) -> Vec<Complex> {
         let n = self.a.nrows();

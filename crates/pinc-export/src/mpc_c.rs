@@ -23,8 +23,8 @@ const STEPS: usize = 20;
 /// In float the iteration ends earlier.
 const TOLERANCES: [&str; 2] = ["1e-8", "1e-3"];
 
-/// What rounding in double and in float may make of a state, relative to its size, and what an input that it
-/// does not decide may differ by.
+/// The relative error of states that stands for rounding in double and in float, and the difference of
+/// inputs above which they depend on it.
 const ROUNDING: [(f64, f64); 2] = [(1e-13, 1e-8), (1e-6, 1e-3)];
 
 /// The tolerances with the unscented filter. Its points are close together in double, which leaves
@@ -405,8 +405,9 @@ fn set_selftest(
     Ok(())
 }
 
-/// After how many steps `rounding` of the states decides an input, by more than the tolerance: as in steps
-/// that do not converge. The generated controller need not take those of the library from there on.
+/// Returns the number of steps before the first one whose input changes by more than the tolerance if the
+/// states are off by `rounding`, as inputs of steps that do not converge may. From there on the generated
+/// controller need not agree with the library.
 fn steady_steps(
     nmpc: &mut Nmpc,
     [states, windows, inputs]: [&[Vec<f64>]; 3],

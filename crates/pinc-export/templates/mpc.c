@@ -38,7 +38,7 @@
 #define PINC_HALVINGS 20
 /* A row with a smaller multiplier is not active. */
 #define PINC_ACTIVE PINC_PICK(1e-7, 1e-4)
-/* A difference of steps of which the other leaves less than this part says nothing new. */
+/* Two differences of steps are independent if so much of one is orthogonal to the other. */
 #define PINC_INDEPENDENT PINC_PICK(1e-8, 1e-3)
 /* For how many steps a plan that was followed goes on without having been improved. */
 #define PINC_MOST_WAITING 5

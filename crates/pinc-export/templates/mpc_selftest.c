@@ -6,7 +6,7 @@
 #include <stdio.h>
 
 #define PINC_STEPS @STEPS@
-/* The inputs of the first of them are compared: of the others rounding decides. */
+/* The number of steps whose inputs are compared: later inputs depend on rounding. */
 #define PINC_COMPARED ((sizeof(PINC_REAL) == sizeof(float)) ? @FLOAT_STEPS@ : @DOUBLE_STEPS@)
 /* What an input may differ by, relative to 1 + its size. */
 #define PINC_TOLERANCE ((sizeof(PINC_REAL) == sizeof(float)) ? @FLOAT@ : @DOUBLE@)
@@ -52,7 +52,7 @@ int main(void)
 @ERROR_CALL@    printf("@name@: %d steps, largest difference %.2e, allowed %.2e\n", PINC_STEPS, worst,
            PINC_TOLERANCE);
     if (PINC_COMPARED < PINC_STEPS) {
-        printf("@name@: rounding decides the inputs from step %d on, which are not compared\n",
+        printf("@name@: inputs from step %d on depend on rounding and are not compared\n",
                PINC_COMPARED);
     }
     return ((worst <= PINC_TOLERANCE) && (failed == 0)) ? 0 : 1;

@@ -489,7 +489,7 @@ static int pinc_same_active(const pinc_mpc *m)
                            m->output_penalty, PINC_OUTPUT_ROWS);
 }
 
-/* The gammas for which d - gamma[0] (d - d_1) - gamma[1] (d - d_2) is least; 0 if there are none. */
+/* Writes the gammas for which |d - gamma[0] (d - d_1) - gamma[1] (d - d_2)| is least; 0 if there are none. */
 static int pinc_gammas(const PINC_REAL *d, const PINC_REAL *one, const PINC_REAL *two,
                        PINC_REAL *gamma)
 {
@@ -543,8 +543,8 @@ static void pinc_move_step_back(pinc_mpc *m, const pinc_plan *now, const pinc_pl
                    PINC_OUTPUT_ROWS);
 }
 
-/* Accelerates the step by those before it that had the same active rows (Anderson); gives where it
-   is as it was, or NULL where there are none. */
+/* Accelerates the step by the ones before it that had the same active rows (Anderson). Returns the step as
+   it was, or NULL if it was not accelerated. */
 static const pinc_past *pinc_accelerate(pinc_mpc *m)
 {
     const pinc_past *one;

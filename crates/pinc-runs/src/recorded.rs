@@ -21,7 +21,7 @@ pub(super) struct DataRow {
 }
 
 impl Columns {
-    /// Finds the columns, of which none may have a name of `constants`.
+    /// Finds the columns. The header may not name any of `constants`, parameters that do not vary.
     pub(super) fn find(
         header: &StringRecord,
         variables: &Variables,
@@ -30,7 +30,7 @@ impl Columns {
     ) -> Result<Self, String> {
         if let Some(column) = header.iter().find(|column| constants.iter().any(|c| c == column)) {
             return Err(format!(
-                "column `{column}` is a parameter, which is constant here; expected no such column"
+                "column `{column}` is a parameter, which is constant here; remove the column"
             ));
         }
         let inputs = variables.input_names();

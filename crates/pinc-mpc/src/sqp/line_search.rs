@@ -14,7 +14,7 @@ const HALVINGS: usize = 20;
 const CONCAVE: f64 = 0.5;
 /// The part of that fall by which violations may grow.
 const BROKEN: f64 = 0.1;
-/// After so many steps with the same active rows the exact Hessian is slow.
+/// So many steps with the same active rows are too many for the exact Hessian: it is slow.
 const SLOW: usize = 4;
 /// How often a step is doubled.
 const DOUBLINGS: usize = 10;
@@ -34,8 +34,9 @@ impl Sqp {
         self.try_point(model, input, plan, expired)
     }
 
-    /// Accelerates the step by those before it that had the same active rows; whether there are enough of them.
-    /// The exact Hessian leaves no fraction of the error, unless it is slow.
+    /// Accelerates the step by the ones before it that had the same active rows. Returns whether there are
+    /// enough of them. With the exact Hessian convergence is quadratic, which acceleration would disturb,
+    /// unless the iteration turns out to be slow.
     pub(super) fn accelerate(&mut self, plan: &Solution) -> bool {
         if !self.qp.has_same_active(&plan.multipliers, &self.step.multipliers) {
             self.acceleration.reset();

@@ -1,4 +1,4 @@
-//! The acceleration of an iteration by what its last steps left.
+//! Anderson acceleration of an iteration.
 
 #[cfg(test)]
 mod tests;
@@ -7,7 +7,7 @@ use crate::{Multipliers, OcpDims, QpStep};
 
 /// How many earlier steps are looked at.
 const DEPTH: usize = 2;
-/// A difference of steps of which the other leaves less than this part says nothing new.
+/// Two differences of steps are independent if so much of one is orthogonal to the other.
 const INDEPENDENT: f64 = 1e-8;
 
 /// Anderson's acceleration of the iteration z <- z + d(z).
@@ -54,8 +54,7 @@ impl Anderson {
         self.count = 0;
     }
 
-    /// Accelerates `step` by those before it, if there are `least` of them that tell something; whether
-    /// it did.
+    /// Accelerates `step` if at least `least` earlier steps are known. Returns whether it did.
     pub fn accelerate(&mut self, step: &mut QpStep, least: usize) -> bool {
         let known = self.count.min(DEPTH);
         self.steps.rotate_right(1);
@@ -78,13 +77,13 @@ impl Anderson {
         true
     }
 
-    /// Makes `step` what it was before it was accelerated.
+    /// Undoes the acceleration of `step`.
     pub fn take_back(&self, step: &mut QpStep) {
         step.d.copy_from_slice(&self.steps[0].d);
         step.multipliers.copy_from(&self.steps[0].multipliers);
     }
 
-    /// The iteration goes on from `length` of `d` away.
+    /// Tells that the iteration moved by `length` times `d`.
     pub fn advance(&mut self, d: &[f64], length: f64) {
         for step in &mut self.steps {
             step.end.iter_mut().zip(d).for_each(|(end, d)| *end -= length * d);
@@ -92,7 +91,7 @@ impl Anderson {
     }
 }
 
-/// The gammas for which `|d - sum_i gamma_i (d - d_i)|` is least.
+/// Returns the gammas for which `|d - sum_i gamma_i (d - d_i)|` is least.
 fn gammas(d: &[f64], past: &[Step]) -> Option<[f64; DEPTH]> {
     let (one, two) = (past.first()?, past.get(1));
     let [mut aa, mut ab, mut bb, mut ad, mut bd] = [0.0; 5];
