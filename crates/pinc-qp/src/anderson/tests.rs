@@ -1,7 +1,7 @@
 use super::*;
 
-/// As many components of the error as there are earlier steps are removed at once, whether steps are a part of
-/// what is needed or overshoot, and whatever part of them is taken.
+/// Two earlier steps remove two components of the error at once, of the multipliers too, whether steps are
+/// too short or too long, and whatever part of them is taken.
 #[test]
 fn components_of_the_error_are_removed_at_once() {
     let dims = OcpDims::new(1, 1, 1);
@@ -12,6 +12,8 @@ fn components_of_the_error_are_removed_at_once() {
         for taken in 0..3 {
             let next = |k: usize| -parts[k] * error[k];
             step.d.copy_from_slice(&[next(0), next(1)]);
+            // The multipliers of a program are off by what its plan is off.
+            step.multipliers.dynamics[0] = 5.0 + 0.4 * error[0] - 0.3 * error[1];
             let accelerated = acceleration.accelerate(&mut step, 1);
             assert_eq!(accelerated, taken > 0);
             if taken == 2 {
@@ -23,5 +25,7 @@ fn components_of_the_error_are_removed_at_once() {
         }
         let left = [error[0] + step.d[0], error[1] + step.d[1]];
         assert!(left.iter().all(|left| left.abs() < 1e-12), "{left:?} {parts:?}");
+        let multiplier = step.multipliers.dynamics[0];
+        assert!((multiplier - 5.0).abs() < 1e-12, "{multiplier} {parts:?}");
     }
 }

@@ -386,9 +386,13 @@ fn advice_on_the_step_of_an_unstable_plant_is_from_its_doubling_time() {
 
 #[test]
 fn states_with_names_of_columns_are_refused() {
-    for (name, column) in
-        [("x_truth", "x"), ("x_ref", "x"), ("x_0", "x"), ("mark", "tables of runs")]
-    {
+    let of_x =
+        ["x_truth", "x_ref", "x_0", "x_sd", "x_err", "x_bound", "y_x", "innovation_x", "d_x"];
+    let taken = ["mark", "nis", "nees", "rejected", "error"];
+    let taken = taken.map(|name| (name, "column of the tables of runs"));
+    // A disturbance of the input has a column, too.
+    let all = of_x.map(|name| (name, "column of x in tables")).into_iter().chain(taken);
+    for (name, column) in all.chain([("d_u", "column of u in tables")]) {
         let text = format!(
             "name = \"n\"\npreset = \"ours\"\nseed = 1\n[plant.expression]\nstates = [\"x\", \"{name}\"]\n\
              inputs = [\"u\"]\nderivatives = {{ x = \"u\", {name} = \"x\" }}\n"

@@ -177,6 +177,10 @@ fn gaps_and_several_files_are_taken() {
     // The identified equation has the value that was found.
     let written = fs::read_to_string(Path::new(&out).join("identified.toml")).unwrap();
     assert!(written.contains(&format!("k = {k:?}")), "{written}");
+    let known = fs::read_to_string(&second).unwrap().replacen('\n', ",k\n", 1);
+    fs::write(&second, known).unwrap();
+    outcome(&mut pinc(&["identify", &config, "--data", &second, "--out", &out]))
+        .assert_refused(&["second.csv:1: column `k` is a parameter"]);
 }
 
 /// Quantities whose noise nobody gives, in cm and in a thousandth of it, count by their residuals: the
