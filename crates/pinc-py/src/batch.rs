@@ -4,6 +4,7 @@ use crate::arrays::{Array, Given, array, values};
 use crate::controller::{GivenModel, Origin, OriginParts};
 use crate::errors::{input, of_mpc, of_run};
 use crate::gradient::{Layout, by_name};
+use crate::work::{interrupted, watched};
 use numpy::{PyArrayDyn, PyUntypedArrayMethods};
 use pinc_batch::{LoopTrace, Situations};
 use pinc_config::MOST_THREADS;
@@ -95,9 +96,10 @@ impl NmpcBatch {
                 "threads: {threads} given, expected {MOST_THREADS} at most"
             )));
         }
-        let controller = origin.make(|experiment, model, only| {
+        let mut controller = origin.make(|experiment, model, only| {
             BatchController::new(experiment, model, only, threads, "pinc.NmpcBatch")
         })?;
+        controller.batch_mut().ask_to_stop(interrupted);
         Ok(Self { controller: Mutex::new(controller), origin, threads })
     }
 
@@ -199,7 +201,7 @@ impl NmpcBatch {
         parameters: Option<Given<'_>>,
     ) -> PyResult<StepBatch> {
         let given = self.arguments(&x, &reference, u_before.as_ref(), parameters.as_ref())?;
-        let steps = py.detach(|| self.lock().batch_mut().steps(given.at()));
+        let steps = watched(py, || self.lock().batch_mut().steps(given.at()))?;
         step_batch(py, steps.map_err(of_mpc)?, [given.steps, self.input_count()])
     }
 
@@ -227,7 +229,8 @@ impl NmpcBatch {
                 )));
             }
         };
-        let found = py.detach(|| self.lock().batch_mut().gradients(given.at(), &seeds, smoothing));
+        let found =
+            watched(py, || self.lock().batch_mut().gradients(given.at(), &seeds, smoothing))?;
         let found = found.map_err(of_mpc)?;
         let values = by_name(py, &found.gradients, &self.layout(), Some(given.steps))?;
         let (m, under_way) = (self.input_count(), found.by_under_way);
@@ -283,7 +286,7 @@ impl NmpcBatch {
         };
         let x = values(&x);
         drop(controller);
-        let traces = py.detach(|| self.lock().loops(&x, &references, &u_before));
+        let traces = watched(py, || self.lock().loops(&x, &references, &u_before))?;
         let traces = traces.map_err(|error| of_run(&error))?;
         loop_batch(py, &traces, [steps, dims.nx, dims.nu])
     }

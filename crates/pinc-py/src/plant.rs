@@ -5,6 +5,7 @@ use crate::config::Source;
 use crate::controller::kind;
 use crate::discrete::Discrete;
 use crate::errors::input;
+use crate::work::{interrupted, watched};
 use pinc_config::{Experiment, PlantSpec, Variables};
 use pinc_ode::{DynPlant, Integrator, OdeError, Simulator};
 use pyo3::prelude::*;
@@ -238,16 +239,16 @@ impl Plant {
         let mut states = x.values;
         states.reserve(count * dims.nx);
         let mut now = states.clone();
-        py.detach(|| {
+        watched(py, || {
             // A fresh copy has adapted no step size yet: the same bits whatever was simulated before.
             let mut simulator =
                 self.simulator.lock().unwrap_or_else(PoisonError::into_inner).clone();
-            for k in 0..count {
+            for k in (0..count).take_while(|_| !interrupted()) {
                 simulator.integrate(&mut now, &u[k * dims.nu..(k + 1) * dims.nu], step_s)?;
                 states.extend(&now);
             }
             Ok(())
-        })
+        })?
         .map_err(|error: OdeError| crate::errors::of_run(&error.into()))?;
         array(py, states, Some(count + 1), &[dims.nx])
     }

@@ -1,14 +1,39 @@
 //! Work that takes long: in a thread of its own, while this one looks for Ctrl-C.
 
 use crate::errors::of_run;
+use pinc_runs::clock::Deadline;
 use pinc_runs::{Options, RunError, Verbosity};
 use pyo3::prelude::*;
+use std::cell::{Cell, RefCell};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread;
 use std::time::Duration;
 
 /// How often signals are looked for.
 const PAUSE: Duration = Duration::from_millis(20);
+
+thread_local! {
+    /// When to look for signals next, and what one of them raises.
+    static NEXT: Cell<Option<Deadline>> = const { Cell::new(None) };
+    static RAISED: RefCell<Option<PyErr>> = const { RefCell::new(None) };
+}
+
+/// Whether there was Ctrl-C: what [`watched`] work on this thread asks, as often as it likes.
+pub(crate) fn interrupted() -> bool {
+    if NEXT.get().is_none_or(Deadline::is_over) {
+        NEXT.set(Some(Deadline::in_seconds(PAUSE.as_secs_f64())));
+        let signal = Python::attach(|py| py.check_signals()).err();
+        RAISED.with_borrow_mut(|raised| *raised = raised.take().or(signal));
+    }
+    RAISED.with_borrow(Option::is_some)
+}
+
+/// Does `work` with the interpreter released, on this thread; it asks [`interrupted`], and if so what
+/// it returns is of no use.
+pub(crate) fn watched<T: Send>(py: Python<'_>, work: impl FnOnce() -> T + Send) -> PyResult<T> {
+    let done = py.detach(work);
+    RAISED.take().map_or(Ok(done), Err)
+}
 
 /// How a command is called.
 pub(crate) struct Call {
