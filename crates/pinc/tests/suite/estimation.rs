@@ -161,8 +161,7 @@ fn recorded_data_may_have_gaps_and_must_have_steps_and_columns() {
     let found = run("t,u2,u1,y_h1,y_h2,note\n0,3,3,8,13,a\n10,3,3,,NaN,b\n20,3,3,8.1,,c\n");
     assert_eq!(found.code, Some(0), "{found:?}");
     assert!(found.stdout.contains("3 rows") && !found.stdout.contains("RMSE"), "{found:?}");
-    run("t,u1,u2,y_h1,y_h2,k1\n0,3,3,8,13,3\n")
-        .assert_refused(&["data.csv:1: column `k1` is a parameter"]);
+    run("t,u1,u2,y_h1,y_h2,k1\n").assert_refused(&["data.csv:1: column `k1` is a parameter"]);
     run("t,u1,y_h1,y_h2\n0,3,8,13\n").assert_refused(&["data.csv:1: column `u2` is missing"]);
     run("t,u1,u2,y_h1,y_h1,y_h2\n0,3,3,8,80,13\n")
         .assert_refused(&["data.csv:1: column `y_h1` more than once"]);
