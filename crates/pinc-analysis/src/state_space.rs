@@ -17,6 +17,9 @@ const ROUNDING: f64 = 1e-14;
 /// A state that takes part in a direction by less, squared, does not.
 const PART: f64 = 1e-4;
 
+/// An input that moves a mode, held against its growth, by less than this part of a width does not act on it.
+const REACH: f64 = 1e-6;
+
 /// Singular values of a gain this far below the largest count as 0.
 const RANK: f64 = 1e-6;
 
@@ -206,6 +209,40 @@ impl StateSpace {
             Complex { re: if value.re.abs() <= margin { 0.0 } else { value.re }, im }
         };
         values.iter().map(known).collect()
+    }
+
+    /// The eigenvalues of growing modes that no input acts on, so that no controller can stop their
+    /// growth: those whose left eigenvector w has w'B = 0 (test of Popov, Belevitch and Hautus). Of
+    /// eigenvalues that are equal, the one that is reached may hide the other.
+    ///
+    /// Call it of a plant whose variables have a like size ([`StateSpace::scaled`]).
+    ///
+    /// ```
+    /// use pinc_analysis::StateSpace;
+    ///
+    /// // x' = u - x, y' = 0.2 y
+    /// let plant = |b: f64| StateSpace::new(&[-1.0, 0.0, 0.0, 0.2], &[1.0, b], &[], 2);
+    /// assert_eq!(plant(0.0).unreached_growth()[0].re, 0.2);
+    /// assert!(plant(1e-3).unreached_growth().is_empty());
+    /// ```
+    #[must_use]
+    pub fn unreached_growth(&self) -> Vec<Complex> {
+        let Ok(left) = self.a.transpose().eigen() else { return Vec::new() };
+        let n = self.a.nrows();
+        let values: Vec<_> = left.S().column_vector().iter().copied().collect();
+        let is_unreached = |mode: &Complex| {
+            let distance = |k: usize| (values[k].re - mode.re).hypot(values[k].im - mode.im);
+            let nearest = (0..n).min_by(|&a, &b| distance(a).total_cmp(&distance(b)));
+            let Some(w) = nearest.map(|k| left.U().col(k)) else { return false };
+            let length = (0..n).map(|i| w[i].re.powi(2) + w[i].im.powi(2)).sum::<f64>().sqrt();
+            let reach = |j: usize| {
+                let part =
+                    |of: &dyn Fn(usize) -> f64| (0..n).map(|i| of(i) * self.b[(i, j)]).sum::<f64>();
+                part(&|i| w[i].re).hypot(part(&|i| w[i].im)) / length
+            };
+            (0..self.b.ncols()).all(|j| reach(j) <= REACH * mode.abs())
+        };
+        self.eigenvalues().into_iter().filter(|mode| mode.re > 0.0 && is_unreached(mode)).collect()
     }
 
     /// The static gain -C A^-1 B from the inputs to the outputs; `None` if A is singular: the plant

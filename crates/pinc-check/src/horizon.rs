@@ -12,6 +12,9 @@ const TOLERANCE: f64 = 1e-6;
 /// The share of a change of the reference that inputs have to be able to make within the horizon.
 const LEAST: f64 = 0.1;
 
+/// Below this share a movement is rounding.
+const UNMOVED: f64 = 1e-9;
+
 /// What counts as a change where the reference does not change: this share of the region.
 const CHANGE: f64 = 0.05;
 
@@ -26,8 +29,10 @@ pub(crate) fn examine(subject: &Subject<'_>) -> Vec<Finding> {
         let moved = points.iter().map(|(_, point)| movement(subject, control, point, i));
         (i, moved.fold(f64::NAN, f64::max), wanted)
     });
-    // What no input moves at all is said where gains are examined.
-    let poor = shares.filter(|(_, moved, wanted)| *moved > 0.0 && *moved < LEAST * wanted);
+    // What none of as many inputs moves at all is said where gains are examined.
+    let is_said = subject.controlled().len() <= subject.region.dims.nu;
+    let is_poor = |moved: f64, wanted: f64| moved < LEAST * wanted && (moved > 0.0 || !is_said);
+    let poor = shares.filter(|(_, moved, wanted)| is_poor(*moved, *wanted));
     let worst = poor.min_by(|a, b| (a.1 / a.2).total_cmp(&(b.1 / b.2)));
     worst
         .map(|(i, moved, wanted)| finding(subject, control, i, moved / wanted))
@@ -38,6 +43,12 @@ pub(crate) fn examine(subject: &Subject<'_>) -> Vec<Finding> {
 fn finding(subject: &Subject<'_>, control: &ControlSpec, i: usize, share: f64) -> Finding {
     let horizon = control.horizon_s(subject.step_s());
     let name = &subject.plant.states()[i].name;
+    if share < UNMOVED {
+        let what = format!("no input moves {name} within the prediction horizon");
+        return Finding::warning("control.controlled", what)
+            .because("the controller cannot bring it to its reference")
+            .change("control other states, or fewer");
+    }
     let what = format!(
         "within the prediction horizon, {}, the inputs can move {name} by {} of a change of its \
          reference",

@@ -49,6 +49,7 @@ use pinc_analysis::{HeldPoint, OperatingPoint, Region, SteadyStateSearch};
 use pinc_config::{Experiment, ModelKind, TimeUnit};
 use pinc_net::Measurements;
 use pinc_ode::{DynPlant, DynRhs, Trajectory, Variable};
+use pinc_record::{ReferenceMetrics, ViolationMetrics};
 use std::collections::BTreeMap;
 use std::collections::btree_map::Entry;
 use std::fmt;
@@ -116,6 +117,10 @@ pub struct Rehearsal {
     pub trace: Trajectory,
     /// How many steps ended with which status.
     pub status: BTreeMap<String, usize>,
+    /// Whether the references were reached.
+    pub references: ReferenceMetrics,
+    /// The bounds that the plant broke.
+    pub violations: Vec<ViolationMetrics>,
     /// How many steps at the end of the loop were left out, since those before took so long.
     pub left_out: usize,
 }

@@ -1,7 +1,13 @@
-//! A rehearsal of the closed loop with an integrator, and its failed steps.
+//! A rehearsal of the closed loop with an integrator: failed steps, references that are missed and
+//! broken bounds.
 
-use crate::{Finding, Subject};
+use crate::{Finding, Rehearsal, Subject};
+use pinc_analysis::HeldPoint;
+use pinc_config::ControlSpec;
 use pinc_record::{advice, is_failure};
+
+/// An offset so many times as large as where a quantity counts as settled is more than slow.
+const FAR: f64 = 10.0;
 
 pub(crate) fn examine(subject: &Subject<'_>) -> Vec<Finding> {
     let (Some(control), Some(rehearsal)) =
@@ -37,7 +43,10 @@ pub(crate) fn examine(subject: &Subject<'_>) -> Vec<Finding> {
                  were left out, since they would take long"
             ),
         };
-        return vec![Finding::fact("control", what)];
+        let mut findings = vec![Finding::fact("control", what)];
+        findings.extend(missed(subject, control, rehearsal));
+        findings.extend(broken(subject, rehearsal));
+        return findings;
     };
     let what = format!(
         "{failed} of {steps} steps of the closed loop with {model} fail, most with the status {worst}"
@@ -54,4 +63,64 @@ pub(crate) fn examine(subject: &Subject<'_>) -> Vec<Finding> {
             )
             .change(advice(worst)),
     ]
+}
+
+/// What does not reach its references, of which no other finding says why.
+fn missed(subject: &Subject<'_>, control: &ControlSpec, rehearsal: &Rehearsal) -> Vec<Finding> {
+    let of = &rehearsal.references;
+    let counts = |segment: usize| {
+        let is_whole = rehearsal.left_out == 0 || segment + 1 < of.reference_start_s.len();
+        is_whole
+            && of
+                .reference_start_s
+                .get(segment)
+                .is_some_and(|start_s| is_held(subject, control, *start_s))
+    };
+    let time_unit = subject.experiment.time_unit;
+    let finding = |quantity: &String| {
+        let (_, offset, what) = of.not_reached(quantity, time_unit, counts)?;
+        let (model, what) = (rehearsal.model.title(), what.trim_end_matches('.'));
+        let what = format!("in the closed loop with {model} {what}");
+        if offset < FAR * of.settled_within.get(quantity)? {
+            return Some(Finding::fact("control", what));
+        }
+        Some(
+            Finding::warning("control", what)
+                .because(
+                    "the model is the plant's own equation, and all states are known: another model \
+                     does no better",
+                )
+                .change(
+                    "more time between references, other weights, a longer horizon, preview = false, \
+                     bounds that leave the inputs room, or control.first_plan where plans end in a \
+                     local minimum",
+                ),
+        )
+    };
+    control.controlled.iter().filter_map(finding).collect()
+}
+
+/// Whether the reference at a time can be held within the bounds, as far as is known.
+fn is_held(subject: &Subject<'_>, control: &ControlSpec, time_s: f64) -> bool {
+    let begun = |of: &&pinc_config::ReferenceStep| of.start_s <= time_s + 0.5 * subject.step_s();
+    let Some(reference) = control.references.iter().take_while(begun).last() else { return true };
+    let held = subject.holds.iter();
+    let mut held = held.filter(|held| control.references[held.first].value == reference.value);
+    held.all(|held| held.kept.is_some() || matches!(held.point, HeldPoint::Within(_)))
+}
+
+/// Hard bounds that the plant broke.
+fn broken(subject: &Subject<'_>, rehearsal: &Rehearsal) -> Vec<Finding> {
+    let broken = rehearsal.violations.iter().filter(|violation| violation.is_noteworthy());
+    let finding = |violation: &pinc_record::ViolationMetrics| {
+        let (what, advice) = violation.note(subject.experiment.time_unit);
+        let what = what.trim_end_matches('.');
+        Finding::warning(
+            "control",
+            format!("in the closed loop with {} {what}", rehearsal.model.title()),
+        )
+        .because("bounds are kept as far as plans see them")
+        .change(advice.trim_end_matches('.'))
+    };
+    broken.map(finding).collect()
 }

@@ -47,6 +47,7 @@ pub(crate) fn examine(subject: &Subject<'_>) -> Vec<Finding> {
             continue;
         };
         findings.push(Finding::fact(place.clone(), format!("modes {}", describe(subject, &modes))));
+        findings.extend(unreached(subject, &place, point));
         if is_steady {
             findings.extend(continuum(subject, &place, point));
         }
@@ -81,6 +82,22 @@ pub(crate) fn examine(subject: &Subject<'_>) -> Vec<Finding> {
         }
     }
     findings
+}
+
+/// Growing modes that no input acts on.
+fn unreached(subject: &Subject<'_>, place: &str, point: &OperatingPoint) -> Option<Finding> {
+    // A point that no reference asks for, as a reactor without cells, may be left alone.
+    subject.holds.first()?;
+    let tangent = StateSpace::tangent(subject.plant, point, &[])?;
+    let modes = tangent.scaled(&subject.region.widths()).unreached_growth();
+    (!modes.is_empty()).then(|| {
+        let what = format!("no input acts on what grows: modes {}", describe(subject, &modes));
+        Finding::warning(place, what)
+            .because("no controller can stop a deviation there from growing")
+            .change(
+                "an input that acts on it, or a plant without these states if they do not matter",
+            )
+    })
 }
 
 /// The states that can be at rest at any value near a steady state, with the same input.

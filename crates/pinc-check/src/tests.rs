@@ -189,3 +189,15 @@ fn zeros_are_of_as_many_inputs_as_controlled_states() {
     assert_eq!(zeros(&both), 0);
     assert!(zeros(&["control.controlled=[\"x2\"]"]) > 0);
 }
+
+/// x2' = 0.2 x2 runs away whatever the input; with little effect of the input it can be stopped.
+#[test]
+fn growth_that_no_input_reaches_is_a_warning() {
+    let both = ["control.controlled=[\"x1\", \"x2\"]", "control.q=[1.0, 1.0]"];
+    let sets = [&both[..], &["control.references.0.value=[0.5, 0.0]"]].concat();
+    let alone = findings(["u - x1", "0.2*x2"], &sets);
+    assert_eq!(only(&alone, "no input acts on what grows: modes 0.2000 1/s").0, Warning);
+    assert_eq!(only(&alone, "no input moves x2 within the prediction horizon").0, Warning);
+    let reached = findings(["u - x1", "0.2*x2 + 0.01*u"], &sets);
+    assert!(!reached.iter().any(|of| of.what.contains("no input acts")), "{reached:#?}");
+}

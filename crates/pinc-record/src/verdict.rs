@@ -1,7 +1,7 @@
 //! Failures of closed loops, and advice about them.
 
 use crate::consistency;
-use crate::metrics::{ControlMetrics, Metrics, is_failure};
+use crate::metrics::{ControlMetrics, Metrics, ReferenceMetrics, is_failure};
 use crate::violation::ViolationMetrics;
 use pinc_config::TimeUnit;
 use pinc_mpc::SqpStatus;
@@ -43,7 +43,10 @@ impl Metrics {
         let mut findings: Vec<Finding> =
             failed_steps(of).into_iter().chain(curvature_dropped(of)).collect();
         let broken = of.violations.iter().filter(|violation| violation.is_noteworthy());
-        findings.extend(broken.map(|violation| broken_bound(violation, self.time_unit)));
+        findings.extend(broken.map(|violation| {
+            let (what, advice) = violation.note(self.time_unit);
+            Finding::new(what, advice)
+        }));
         findings.extend(of.references.offset.keys().filter_map(|name| self.not_reached(of, name)));
         if let Some(estimator) = &of.estimator {
             findings.extend(estimator.nearest_held.iter().map(not_held));
@@ -57,26 +60,11 @@ impl Metrics {
 
     /// A controlled quantity that did not reach some of its references.
     fn not_reached(&self, of: &ControlMetrics, quantity: &str) -> Option<Finding> {
-        let references = of.references.offset.get(quantity)?.len();
-        let missed: Vec<(usize, f64)> = of.missed(quantity).collect();
-        let &(segment, offset) = missed.iter().max_by(|a, b| a.1.total_cmp(&b.1))?;
-        let offset = significant(offset);
-        let which = match references {
-            1 => format!("its reference: at the end it is {offset} off on average."),
-            _ => {
-                let start_s = of.references.reference_start_s.get(segment).copied();
-                let start = TimeUnit::shown(start_s.unwrap_or_default(), self.time_unit);
-                format!(
-                    "{} of its {references} references: it ends {offset} off on average with the \
-                     one from {start}.",
-                    missed.len()
-                )
-            }
-        };
-        let what = format!("{quantity} does not reach {which}");
+        let (segment, _, what) = of.references.not_reached(quantity, self.time_unit, |_| true)?;
         let reaches = |other: &&ControlMetrics| {
             let known = other.references.offset.get(quantity).and_then(|all| all.get(segment));
-            known.is_some_and(Option::is_some) && other.missed(quantity).all(|(k, _)| k != segment)
+            known.is_some_and(Option::is_some)
+                && other.references.missed(quantity).all(|(k, _)| k != segment)
         };
         let mut others = self.control.iter().filter(|other| other.model != of.model);
         Some(match others.find(reaches) {
@@ -92,23 +80,40 @@ impl Metrics {
             None => Finding::new(
                 what,
                 "Either no input within the bounds holds it (pinc check says which references are \
-                 steady states), or the time was too short, or the plant in the loop differs from \
-                 the model's plant.",
+                 steady states), or the time was too short, or it is left early for the next one \
+                 (control.preview), or the plant in the loop differs from the model's plant.",
             ),
         })
     }
 }
 
-impl ControlMetrics {
-    /// The segments that did not settle, at whose ends a quantity is farther from its reference than
-    /// where it counts as settled, with its offset there.
-    fn missed(&self, quantity: &str) -> impl Iterator<Item = (usize, f64)> {
-        let of = &self.references;
-        let within = of.settled_within.get(quantity).copied().unwrap_or(f64::INFINITY);
-        let offsets = of.offset.get(quantity).into_iter().flatten().enumerate();
-        let known = offsets.filter_map(|(segment, offset)| Some((segment, (*offset)?)));
-        let settled = |segment: usize| of.settle_s.get(segment).is_some_and(Option::is_some);
-        known.filter(move |(segment, offset)| *offset > within && !settled(*segment))
+impl ReferenceMetrics {
+    /// In words that a controlled quantity does not reach some of its references, of those that `counts` says,
+    /// with the segment that ends farthest off and its offset.
+    pub fn not_reached(
+        &self,
+        quantity: &str,
+        time_unit: Option<TimeUnit>,
+        counts: impl Fn(usize) -> bool,
+    ) -> Option<(usize, f64, String)> {
+        let references = self.offset.get(quantity)?.len();
+        let missed = self.missed(quantity).filter(|(segment, _)| counts(*segment));
+        let missed: Vec<(usize, f64)> = missed.collect();
+        let &(segment, most) = missed.iter().max_by(|a, b| a.1.total_cmp(&b.1))?;
+        let offset = significant(most);
+        let which = match references {
+            1 => format!("its reference: at the end it is {offset} off on average."),
+            _ => {
+                let start_s = self.reference_start_s.get(segment).copied();
+                let start = TimeUnit::shown(start_s.unwrap_or_default(), time_unit);
+                format!(
+                    "{} of its {references} references: it ends {offset} off on average with the \
+                     one from {start}.",
+                    missed.len()
+                )
+            }
+        };
+        Some((segment, most, format!("{quantity} does not reach {which}")))
     }
 }
 
@@ -137,22 +142,26 @@ fn curvature_dropped(of: &ControlMetrics) -> Option<Finding> {
     ))
 }
 
-/// A hard bound that was broken.
-fn broken_bound(violation: &ViolationMetrics, time_unit: Option<TimeUnit>) -> Finding {
-    let is_between = violation.is_between_steps();
-    let when = if is_between { "between control steps" } else { "at control steps" };
-    let advice = if violation.from_step > 1 {
-        "Plans keep the bounds of outputs from step n1 on only: set control.n1 = 1, or tighten the \
-         bound by as much."
-    } else if is_between {
-        "The controller keeps bounds at the ends of its steps only: shorten T, or tighten the \
-         bound by as much."
-    } else {
-        "The model predicted otherwise, or the steps failed: use a more accurate model, or \
-         tighten the bound by as much."
-    };
-    let (of, shown) = (&violation.of, violation.shown(time_unit));
-    Finding::new(format!("{of} broke a hard bound {when}: it was {shown}."), advice)
+impl ViolationMetrics {
+    /// What was broken in words, and what to do about it.
+    #[must_use]
+    pub fn note(&self, time_unit: Option<TimeUnit>) -> (String, &'static str) {
+        let is_between = self.is_between_steps();
+        let when = if is_between { "between control steps" } else { "at control steps" };
+        let advice = if self.from_step > 1 {
+            "Plans keep the bounds of outputs from step n1 on only: set control.n1 = 1, or tighten the \
+             bound by as much."
+        } else if is_between {
+            "The controller keeps bounds at the ends of its steps only: shorten T, or tighten the \
+             bound by as much."
+        } else {
+            "The model predicted otherwise, or the steps failed: use a more accurate model, or \
+             tighten the bound by as much."
+        };
+        let what =
+            format!("{} broke a hard bound {when}: it was {}.", self.of, self.shown(time_unit));
+        (what, advice)
+    }
 }
 
 /// A reference that cannot be held, with the nearest value that can.

@@ -251,8 +251,9 @@ pub(super) fn rehearse(
             trace.push(*t, step.state(i), step.input(i));
         }
     }
+    let (references, violations) = (setup.reached(&run), setup.violations(&run));
     let left_out = all.saturating_sub(done);
-    Ok(Rehearsal { model: kind, trace, status, left_out })
+    Ok(Rehearsal { model: kind, trace, status, references, violations, left_out })
 }
 
 /// The units of work that an iteration of the controller takes: the model with its Jacobians along
@@ -438,14 +439,16 @@ impl LoopSetup<'_> {
         run.violations().map(named).collect()
     }
 
-    /// Whether the references were reached.
+    /// Whether the references of what has a weight were reached.
     fn reached(&self, run: &ClosedLoop<'_>) -> ReferenceMetrics {
-        let within = self.settled_within(run);
-        let segments = run.segments(&within);
+        let (within, weights) = (self.settled_within(run), self.problem().weights);
+        let judged =
+            |(i, most): (usize, &f64)| if weights.tracks(i) { *most } else { f64::INFINITY };
+        let segments = run.segments(&within.iter().enumerate().map(judged).collect::<Vec<_>>());
         let seconds = |steps: usize| steps as f64 * self.sample_time_s;
         let offsets = |i: usize| {
             let offsets = segments.iter().map(|segment| segment.offset[i]);
-            offsets.map(|offset| offset.is_finite().then_some(offset)).collect()
+            offsets.map(|o| (weights.tracks(i) && o.is_finite()).then_some(o)).collect()
         };
         let names = || self.spec.controlled.iter().cloned();
         ReferenceMetrics {

@@ -47,6 +47,13 @@ impl Weights {
         Self::new(each(&q, w), each(&r, v))
     }
 
+    /// Whether the error of the tracked quantity `i` costs anything.
+    #[must_use]
+    pub fn tracks(&self, i: usize) -> bool {
+        let weighs = |weight: &Weight| i < weight.size() && weight.entry(i, i) > 0.0;
+        self.q.all().iter().chain(&self.terminal).any(weighs)
+    }
+
     /// Adds the weight `terminal` of the last predicted state.
     #[must_use]
     pub fn with_terminal(self, terminal: impl Into<Weight>) -> Self {

@@ -273,6 +273,16 @@ impl ReferenceMetrics {
     pub fn largest_offset(&self) -> f64 {
         self.offset.values().flatten().flatten().copied().fold(f64::NAN, f64::max)
     }
+
+    /// The segments that did not settle, at whose ends a quantity is farther from its reference than
+    /// where it counts as settled, with its offset there.
+    pub(crate) fn missed(&self, quantity: &str) -> impl Iterator<Item = (usize, f64)> {
+        let within = self.settled_within.get(quantity).copied().unwrap_or(f64::INFINITY);
+        let offsets = self.offset.get(quantity).into_iter().flatten().enumerate();
+        let known = offsets.filter_map(|(segment, offset)| Some((segment, (*offset)?)));
+        let settled = |segment: usize| self.settle_s.get(segment).is_some_and(Option::is_some);
+        known.filter(move |(segment, offset)| *offset > within && !settled(*segment))
+    }
 }
 
 /// The metrics of a closed loop.

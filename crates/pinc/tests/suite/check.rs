@@ -494,3 +494,60 @@ fn a_cart_has_steady_states() {
     let denied = |f: &Finding| f.what.contains("no steady state was found");
     assert!(!findings.iter().any(denied), "{findings:#?}");
 }
+
+/// The findings on a loop of 6 s with the plant x' = `rhs`, from .5 to 1 and then to -1.
+fn of_scalar_loop(rhs: &str, sets: &[&str]) -> Vec<Finding> {
+    let text = format!(
+        r#"
+        name = "scalar"
+        preset = "ours"
+        seed = 1
+        plant.expression = {{ states = ["x"], inputs = ["u"], derivatives = {{ x = "{rhs}" }} }}
+        [control]
+        step_s = 0.2
+        n2 = 10
+        nu = 5
+        input_low = [-1.0]
+        input_high = [1.0]
+        controlled = ["x"]
+        q = [1.0]
+        r = [0.1]
+        initial_state = [0.5]
+        references = [{{ start_s = 0.0, value = [1.0] }}, {{ start_s = 3.0, value = [-1.0] }}]
+        models = ["rk4"]
+        duration_s = 6.0
+        "#
+    );
+    let sets: Vec<_> = sets.iter().map(|set| (*set).to_owned()).collect();
+    check(&Experiment::parse("scalar.toml".as_ref(), &text, &sets, &Plants::built_in()).unwrap())
+}
+
+/// The gain of x - x^3 + u x changes its sign between the references, with 0 between; the reference 2
+/// needs an input of 2, which is said where references are.
+#[test]
+fn a_loop_that_misses_its_references_triggers_a_warning_once() {
+    let missed =
+        "does not reach 1 of its 2 references: it ends 1.35 off on average with the one from 3 s";
+    let found = of_scalar_loop("x - x^3 + u*x", &[]);
+    let missed = with(&found, &["in the closed loop with RK4 x", missed]);
+    assert_eq!((missed.severity, &*missed.place), (Severity::Warning, "control"));
+    let is_missed = |found: &[Finding]| found.iter().any(|f| f.what.contains("does not reach"));
+    let wide = "control.input_high=[3.0]";
+    assert!(!is_missed(&of_scalar_loop("u - x", &[wide, "control.input_low=[-3.0]"])));
+    let sets = ["control.references.0.value=[2.0]", "control.references.1.value=[0.0]"];
+    let outside = of_scalar_loop("u - x", &sets);
+    with(&outside, &["control.references[0]", "it needs u = 2"]);
+    assert!(!is_missed(&outside));
+    let unweighted = of_scalar_loop("x - x^3 + u*x", &["control.q=[0.0]"]);
+    assert!(!is_missed(&unweighted));
+}
+
+#[test]
+fn bounds_that_break_in_the_loop_trigger_a_warning() {
+    let found = findings("gallery/crane.toml", &[]);
+    let broken = with(
+        &found,
+        &["in the closed loop with RK4 angle broke a hard bound between control steps"],
+    );
+    assert_eq!(broken.severity, Severity::Warning);
+}
