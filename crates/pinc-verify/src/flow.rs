@@ -8,6 +8,7 @@ use crate::kernel::{LANES, Lanes, lanes, memory, norm};
 use crate::rounding::{UNIT, to_f64, up};
 use crate::taylor::{Arithmetic, Taylor};
 use pinc_ad::simd::Isa;
+use std::cell::LazyCell;
 
 /// The flow of an equation over `sample_time_s`.
 ///
@@ -73,7 +74,7 @@ impl Flow {
         let mut errors: Vec<Lanes> = start.iter().map(|x| x.remainder).collect();
         for _ in 0..steps {
             let step = self.step(over, &states, held, h);
-            let grown = self.propagate(&step, held, h, &errors);
+            let grown = self.propagate(&over.full, &step, held, h, &errors);
             for (i, path) in step.path.iter().enumerate() {
                 let (end, rounding) = at_the_end(over, path);
                 // Both have room for the rounding of their sum.
@@ -115,9 +116,19 @@ impl Flow {
     }
 
     /// Bounds of the errors at the end of a step with these bounds at its beginning.
-    fn propagate(&self, step: &Step, held: &[Taylor], h: f64, errors: &[Lanes]) -> Vec<Lanes> {
+    fn propagate(
+        &self,
+        over: &Arithmetic,
+        step: &Step,
+        held: &[Taylor],
+        h: f64,
+        errors: &[Lanes],
+    ) -> Vec<Lanes> {
         let n = step.path.len();
         let states: Vec<Vec<Interval>> = step.path.iter().map(Taylor::ranges).collect();
+        let narrow = LazyCell::new(|| -> Vec<Vec<Interval>> {
+            step.path.iter().map(|path| over.ranges_in_time(path)).collect()
+        });
         let held: Vec<Vec<Interval>> = held.iter().map(Taylor::ranges).collect();
         let mut grown = vec![[f64::INFINITY; LANES]; n];
         for lane in 0..LANES {
@@ -125,8 +136,11 @@ impl Flow {
             let at = |all: &[Vec<Interval>]| -> Vec<Interval> {
                 all.iter().map(|one| one[lane]).collect()
             };
-            let inside = [at(&states), at(&held)];
-            let ends = self.in_a_tube(&inside, h, &of(errors), &of(&step.defect));
+            let tube = |states: &[Vec<Interval>]| {
+                self.in_a_tube(&[at(states), at(&held)], h, &of(errors), &of(&step.defect))
+            };
+            // Near a kink a narrower range may be on one side of it.
+            let ends = tube(&states).or_else(|| tube(&narrow));
             for (grown, end) in grown.iter_mut().zip(ends.into_iter().flatten()) {
                 grown[lane] = end;
             }

@@ -176,7 +176,7 @@ pub(crate) fn spread(domain: &[[f64; 2]], count: usize, seed: u64) -> Vec<Vec<f6
 /// The largest error found of one state, and where.
 #[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct Largest {
-    /// What the error is there at least.
+    /// What the error is there at least; where that cannot be enclosed, about what it is.
     pub error: f64,
     /// All states, inputs and parameters.
     pub at: Vec<f64>,
@@ -277,7 +277,10 @@ impl StepError {
             }
         }
         let enclosed = self.at_points_in(most_steps, std::slice::from_ref(&best), 1);
-        let error = enclosed[0].least()[state];
+        // Where nothing can be enclosed, as at a kink of the equation, the error is not known exactly.
+        if enclosed[0].uncertainty[state].is_finite() {
+            error = enclosed[0].least()[state];
+        }
         Largest { error, at: best }
     }
 }

@@ -7,6 +7,7 @@ use crate::interval::Interval;
 use crate::kernel::{LANES, Lanes, add_multiples, lanes, memory, norm, product, release};
 use crate::rounding::{UNIT, to_f64, up};
 use pinc_ad::simd::Isa;
+use std::cell::LazyCell;
 
 /// In each box a polynomial of time and variables, and a bound of how far the true value is from
 /// it, anywhere in the box; infinite where nothing is known.
@@ -308,16 +309,37 @@ impl Arithmetic {
         sum
     }
 
+    /// A range in each box that is narrower where powers of the time alone are large: these are within
+    /// \[0, 1\], not \[-1, 1\].
+    pub(crate) fn ranges_in_time(&self, of: &Taylor) -> Vec<Interval> {
+        let norm = of.norm_from(1);
+        let of_time: Vec<usize> = (1..self.basis.orders())
+            .map(|k| self.basis.of_order(k))
+            .filter(|places| !places.is_empty())
+            .map(|places| places.start)
+            .collect();
+        let range = |lane: usize| {
+            let alone = || of_time.iter().map(|place| of.coefficients[*place][lane]);
+            // c t^k is not below 0 with c > 0, nor above it with c < 0; the sums are rounded down.
+            let sum = |sign: f64| alone().map(|c| (sign * c).max(0.0)).sum::<f64>() * (1.0 - 1e-12);
+            let Interval { low, high } = of.range(lane, &norm);
+            Interval { low: (low + sum(1.0)).next_down(), high: (high - sum(-1.0)).next_up() }
+        };
+        (0..LANES).map(range).collect()
+    }
+
     /// In each box `yes` where `of` is nowhere positive, `no` where it is nowhere 0 or less;
     /// unknown elsewhere.
     pub(crate) fn choose(&self, of: &Taylor, yes: &Taylor, no: &Taylor) -> Taylor {
         let mut chosen = self.unknown();
+        let narrow = LazyCell::new(|| self.ranges_in_time(of));
+        let side = |range: Interval| match range {
+            Interval { high, .. } if high <= 0.0 => Some(yes),
+            Interval { low, .. } if low > 0.0 => Some(no),
+            Interval { .. } => None,
+        };
         for (lane, range) in of.ranges().into_iter().enumerate() {
-            let from = match range {
-                Interval { high, .. } if high <= 0.0 => yes,
-                Interval { low, .. } if low > 0.0 => no,
-                Interval { .. } => continue,
-            };
+            let Some(from) = side(range).or_else(|| side(narrow[lane])) else { continue };
             for (to, from) in chosen.coefficients.iter_mut().zip(&from.coefficients) {
                 to[lane] = from[lane];
             }

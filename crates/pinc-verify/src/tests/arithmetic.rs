@@ -79,6 +79,9 @@ proptest! {
         prop_assert!(holds(&over.div(&a, &away), &(&x / (&y + exact(20.0)))));
         let range = a.ranges()[3];
         prop_assert!(exact(range.low) <= x && x <= exact(range.high));
+        let narrow = over.ranges_in_time(&a)[3];
+        prop_assert!(exact(narrow.low) <= x && x <= exact(narrow.high));
+        prop_assert!(range.low <= narrow.low.next_up() && narrow.high.next_down() <= range.high);
     }
 
     /// Rounding alone: nothing is dropped, and the operands are exact.

@@ -164,6 +164,20 @@ fn what_is_not_smooth_is_unproven() {
     let error = StepError::new(&kink, &[], 1, model, 0.5).unwrap();
     let bracket = search(&error, &[[0.0, 1.0], [0.0, 0.2]], 1.5, 12).bracket();
     assert!(bracket.unproven_volume > 0.001 && !bracket.is_complete, "{bracket:?}");
+    // The largest error is that of steps across the kink, which nothing encloses.
+    let beyond = search(&error, &[[0.9, 1.0], [0.0, 0.2]], 1.5, 12).bracket();
+    assert!(beyond.is_complete, "{beyond:?}");
+    assert!(bracket.found[0].error > 3.0 * beyond.proven[0], "{bracket:?} {beyond:?}");
+}
+
+/// In a step v moves by more than its distance from the kink at 0, but away from it.
+#[test]
+fn a_kink_that_trajectories_move_away_from_is_no_obstacle() {
+    let cart = equations(&[("v", "u - v*abs(v)")]);
+    let model = StepModel::RungeKutta(Tableau::CLASSICAL, 4);
+    let error = StepError::new(&cart, &[], 1, model, 0.5).unwrap();
+    let bracket = search(&error, &[[0.1, 2.0], [0.0, 2.0]], 1.1, 10).bracket();
+    assert!(bracket.is_complete && bracket.boxes < 100, "{bracket:?}");
 }
 
 /// A state is searched over the variables that it depends on; what is found of each is put together.

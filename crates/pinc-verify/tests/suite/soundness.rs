@@ -40,6 +40,7 @@ fn cases() -> Vec<Case> {
     let prey = || equations(&[("x", "x - x*y + u"), ("y", "0.5*x*y - y")]);
     let pendulum = || equations(&[("x", "y"), ("y", "u - sin(x) - 0.1*y")]);
     let mixer = || equations(&[("x", "(u - x)/(1 + x^2)"), ("y", "exp(-y)*x - sqrt(1 + y)")]);
+    let cart = || equations(&[("v", "u - v*abs(v)")]);
     let square = |size: f64| vec![[-size, size], [-size, size], [-1.0, 1.0]];
     let positive = || vec![[0.2, 2.0], [0.2, 2.0], [0.0, 0.5]];
     let levels = || [vec![[6.0, 9.0]; 4], vec![[1.0, 2.0]; 2]].concat();
@@ -62,6 +63,7 @@ fn cases() -> Vec<Case> {
         case("pendulum, RK4 x1", pendulum(), square(3.0), 0.4, rk4(1)),
         case("mixer, net", mixer(), positive(), 0.3, Kind::Net([1, 10])),
         case("mixer, RK4 x1", mixer(), positive(), 0.3, rk4(1)),
+        case("cart, RK4 x2", cart(), vec![[0.0, 2.0], [0.0, 2.0]], 0.5, rk4(2)),
         case("tanks, RK4 x1", tanks(), levels(), 5.0, rk4(1)),
     ]
 }
