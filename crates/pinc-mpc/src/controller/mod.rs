@@ -411,6 +411,9 @@ impl Nmpc {
         let is_known = self.phase == Phase::Linearized;
         if self.sqp.transcription.tighten(&mut self.horizon, at, is_known) {
             self.sqp.project(&mut self.plan, &self.previous);
+            if is_known {
+                self.sqp.renew_output_limits();
+            }
         }
         let planned = self.plan_otherwise(reference);
         let planned = planned.filter(|of| of.status != SqpStatus::InfeasibleQp);

@@ -249,6 +249,11 @@ impl Sqp {
         self.prepared.copy_from_slice(x0);
     }
 
+    /// Gives the program of [`Sqp::prepare`] the bounds of outputs that a tube has tightened since.
+    pub(crate) fn renew_output_limits(&mut self) {
+        self.transcription.renew_output_limits(&mut self.qp);
+    }
+
     /// One QP for a plant that turns out to be at `x0`, linearized where it was prepared: the step
     /// of a real-time iteration.
     pub(crate) fn feed_back(

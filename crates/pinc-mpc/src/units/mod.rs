@@ -208,6 +208,11 @@ impl Units {
         changed
     }
 
+    /// The unit of a row of constraints.
+    pub(crate) fn row(&self, row: usize) -> f64 {
+        self.rows[row % self.rows.len()]
+    }
+
     /// The unit of the unknown number `v` of z.
     pub(crate) fn unknown(&self, v: usize) -> f64 {
         match v.checked_sub(self.dims.all_states()) {
