@@ -1,4 +1,5 @@
-//! Checks a black box for hidden memory: one step of T against two of T/2.
+//! Checks a black box for hidden memory: one step of T against two of T/2, and two steps that begin anew
+//! against two in one run.
 
 use crate::numbers::{named, short};
 use crate::{Finding, Subject, region};
@@ -32,7 +33,7 @@ pub(crate) fn examine(subject: &Subject<'_>) -> Vec<Finding> {
     } else {
         let what = format!(
             "two steps of T/2 end where one of T does, to {} % of a step's change: no memory \
-             beside the states",
+             beside the states is seen",
             short(100.0 * worst.share)
         );
         Finding::fact("plant", what)
@@ -50,8 +51,21 @@ pub fn hidden_memory(plant: &dyn DynRhs, experiment: &Experiment) -> Option<Find
     (worst.share > SHARE).then(|| worst.warning(plant, experiment))
 }
 
+/// What is compared with steps that begin anew.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Way {
+    /// Two steps of T/2 with one of T.
+    Halves,
+    /// Two steps of T in one run with two that begin anew.
+    OneRun,
+}
+
+/// By how much each state is off.
+type Difference = (Way, Vec<f64>);
+
 /// The largest difference of the two, in shares of the largest change of its state in a step.
 struct Worst {
+    way: Way,
     share: f64,
     state: usize,
     difference: f64,
@@ -65,13 +79,11 @@ fn worst(plant: &BlackBox, points: &[OperatingPoint], step_s: f64) -> Option<Wor
     let mut failures = 0;
     for point in points {
         match ends(plant, point, step_s) {
-            Ok([whole, halves]) => {
+            Ok((whole, found)) => {
                 for (change, (end, start)) in changes.iter_mut().zip(whole.iter().zip(&point.x)) {
                     *change = change.max((end - start).abs());
                 }
-                let pairs = halves.iter().zip(&whole);
-                let found: Vec<f64> = pairs.map(|(halves, whole)| halves - whole).collect();
-                differences.push((point, found));
+                differences.extend(found.into_iter().map(|(way, found)| (point, way, found)));
             }
             Err(_) => failures += 1,
         }
@@ -79,25 +91,39 @@ fn worst(plant: &BlackBox, points: &[OperatingPoint], step_s: f64) -> Option<Wor
             break;
         }
     }
-    let all = differences.iter().flat_map(|(point, found)| {
+    let all = differences.iter().flat_map(|(point, way, found)| {
         found.iter().enumerate().map(|(state, difference)| {
             // A state that never changes differs by rounding only.
             let change = changes[state].max(1e-9 * point.x[state].abs()).max(f64::MIN_POSITIVE);
             let (share, difference) = (difference.abs() / change, *difference);
-            Worst { share, state, difference, point: (*point).clone() }
+            Worst { way: *way, share, state, difference, point: (*point).clone() }
         })
     });
     all.max_by(|one, other| one.share.total_cmp(&other.share))
 }
 
-/// The states that follow a point after one step, and after two of half its length.
-fn ends(plant: &BlackBox, point: &OperatingPoint, step_s: f64) -> Result<[Vec<f64>; 2], OdeError> {
-    let (mut whole, mut halves) = (point.x.clone(), point.x.clone());
-    plant.flow.advance(&mut whole, &point.u, step_s)?;
-    for _ in 0..2 {
-        plant.flow.advance(&mut halves, &point.u, 0.5 * step_s)?;
+/// The states that follow a point after one step, and how far off others are that should be the same.
+fn ends(
+    plant: &BlackBox,
+    point: &OperatingPoint,
+    step_s: f64,
+) -> Result<(Vec<f64>, Vec<Difference>), OdeError> {
+    let OperatingPoint { x, u } = point;
+    let twice = |step_s: f64| {
+        let mut end = x.clone();
+        plant.flow.advance(&mut end, u, step_s)?;
+        plant.flow.advance(&mut end, u, step_s).map(|()| end)
+    };
+    let minus = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a - b).collect();
+    let mut whole = x.clone();
+    plant.flow.advance(&mut whole, u, step_s)?;
+    let mut found = vec![(Way::Halves, minus(&twice(0.5 * step_s)?, &whole))];
+    let mut one_run = x.clone();
+    if let Some(advanced) = plant.flow.advance_in_one_run(&mut one_run, u, step_s, 2) {
+        advanced?;
+        found.push((Way::OneRun, minus(&one_run, &twice(step_s)?)));
     }
-    Ok([whole, halves])
+    Ok((whole, found))
 }
 
 impl Worst {
@@ -105,9 +131,14 @@ impl Worst {
         let step_s = experiment.sample_time_s().unwrap_or(1.0);
         let half = TimeUnit::shown(0.5 * step_s, experiment.time_unit);
         let names = plant.states().iter().chain(plant.inputs()).map(|v| v.name.as_ref());
+        let way = match self.way {
+            Way::Halves => format!("two steps of T/2 = {half} do not end where one step of T does"),
+            Way::OneRun => {
+                "two steps of T in one run do not end where two do that begin anew".to_owned()
+            }
+        };
         let what = format!(
-            "two steps of T/2 = {half} do not end where one step of T does: {} differs by {} from {}, \
-             which is {} % of its largest change in a step",
+            "{way}: {} differs by {} from {}, which is {} % of its largest change in a step",
             plant.states()[self.state].name,
             short(self.difference),
             named(names, &self.point.joined()),
@@ -189,6 +220,39 @@ mod tests {
         assert!(found.share > 0.1, "{}", found.share);
         assert!(worst(&black_box(exact), &points, 0.5).unwrap().share < 1e-12);
         assert!(worst(&black_box(exact), &points[1..2], 0.5).is_none());
+    }
+
+    /// x' = u, and a counter of steps that acts on it as long as a run lasts.
+    #[derive(Debug)]
+    struct Counting;
+
+    impl Flow for Counting {
+        fn advance(&self, x: &mut [f64], u: &[f64], duration_s: f64) -> Result<(), OdeError> {
+            self.advance_in_one_run(x, u, duration_s, 1).expect("it has runs")
+        }
+
+        fn advance_in_one_run(
+            &self,
+            x: &mut [f64],
+            u: &[f64],
+            duration_s: f64,
+            times: u32,
+        ) -> Option<Result<(), OdeError>> {
+            x[1] += (0..times).map(|k| (u[0] + 0.1 * f64::from(k)) * duration_s).sum::<f64>();
+            Some(Ok(()))
+        }
+    }
+
+    /// Two steps of T/2 that begin anew make one of T.
+    #[test]
+    fn what_is_carried_from_step_to_step_is_found() {
+        let counting = BlackBox { flow: Arc::new(Counting), ..black_box(exact) };
+        let found = worst(&counting, &[point([0.5, 1.0], 2.0)], 0.5).unwrap();
+        assert_eq!((found.way, found.state), (Way::OneRun, 1));
+        // 0.1 T, of a change of 2 T.
+        assert!((found.share - 0.05).abs() < 1e-12, "{}", found.share);
+        let said = found.warning(&counting, &experiment()).what;
+        assert!(said.starts_with("two steps of T in one run do not end where"), "{said}");
     }
 
     fn experiment() -> Experiment {

@@ -25,7 +25,23 @@ pub trait Flow: Debug + Send + Sync {
     /// [`OdeError`] if that cannot be done for one of them; `x` then has no meaning.
     fn advance(&self, x: &mut [f64], u: &[f64], duration_s: f64) -> Result<(), OdeError>;
 
-    /// The same from each of the points with the exact Jacobians of the step; `None` where they are
+    /// Moves the states on so many times without beginning anew in between, for a simulator that may
+    /// remember more than its states; `None` where it always begins anew.
+    ///
+    /// # Errors
+    ///
+    /// As [`Flow::advance`].
+    fn advance_in_one_run(
+        &self,
+        _x: &mut [f64],
+        _u: &[f64],
+        _duration_s: f64,
+        _times: u32,
+    ) -> Option<Result<(), OdeError>> {
+        None
+    }
+
+    /// The same as [`Flow::advance`] from each of the points with the exact Jacobians of the step; `None` where they are
     /// not to be had.
     ///
     /// # Errors

@@ -441,22 +441,22 @@ impl Instance {
         checked("reading of variables", status)
     }
 
-    /// Lets the FMU integrate itself from the start.
-    pub(super) fn do_step(&mut self, duration_s: f64) -> Result<(), String> {
-        let what = "co-simulation";
+    /// Lets the FMU integrate itself, from `after_s` seconds after the start.
+    pub(super) fn do_step(&mut self, after_s: f64, duration_s: f64) -> Result<(), String> {
+        let (what, now_s) = ("co-simulation", self.start_s + after_s);
         let (mut event, mut end, mut early, mut last) = (false, false, false, 0.0);
         // SAFETY: as above.
         let status = unsafe {
             match &self.binary.functions.versioned {
                 Versioned::Fmi2(of) => {
                     let step = of.do_step.ok_or_else(|| missing(what))?;
-                    step(self.handle, self.start_s, duration_s, 1)
+                    step(self.handle, now_s, duration_s, 1)
                 }
                 Versioned::Fmi3(of) => {
                     let step = of.do_step.ok_or_else(|| missing(what))?;
                     let (event, end) = (&raw mut event, &raw mut end);
                     let (early, last) = (&raw mut early, &raw mut last);
-                    step(self.handle, self.start_s, duration_s, true, event, end, early, last)
+                    step(self.handle, now_s, duration_s, true, event, end, early, last)
                 }
             }
         };

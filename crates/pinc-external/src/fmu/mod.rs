@@ -48,7 +48,7 @@ pub struct FmuPlant {
 /// What is wrong with a file, or does not go with how it is to be a plant.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct FmuError {
-    /// What was asked for: `file`, `variables`, `start_variables` or `parameters.NAME`.
+    /// What was asked for: `file`, `inputs`, `variables`, `start_variables` or `parameters.NAME`.
     pub key: String,
     /// What is wrong, in words.
     pub problem: String,
@@ -150,8 +150,19 @@ impl Flow for Fmu {
     }
 
     fn advance(&self, x: &mut [f64], u: &[f64], duration_s: f64) -> Result<(), OdeError> {
-        let job = Job { x: x.to_vec(), u: u.to_vec(), wanted: Wanted::States(duration_s) };
+        let job = Job { x: x.to_vec(), u: u.to_vec(), wanted: Wanted::States(duration_s, 1) };
         self.ask(job).map(|next| x.copy_from_slice(&next))
+    }
+
+    fn advance_in_one_run(
+        &self,
+        x: &mut [f64],
+        u: &[f64],
+        duration_s: f64,
+        times: u32,
+    ) -> Option<Result<(), OdeError>> {
+        let job = Job { x: x.to_vec(), u: u.to_vec(), wanted: Wanted::States(duration_s, times) };
+        Some(self.ask(job).map(|next| x.copy_from_slice(&next)))
     }
 
     fn outputs(&self, x: &[f64], u: &[f64], y: &mut [f64]) -> Result<(), OdeError> {

@@ -207,21 +207,26 @@ impl Simulation {
         values
     }
 
-    /// Moves `x` on by `t` seconds under the input `u`.
+    /// Moves `x` on by `t` seconds under the input `u`, so many times without beginning anew in between.
     pub(super) fn step(
         &self,
         copy: &mut Copy,
         x: &mut [f64],
         u: &[f64],
-        t: f64,
+        (t, times): (f64, u32),
     ) -> Result<(), OdeError> {
         let values = self.begin(x, u);
         match copy {
-            Copy::ModelExchange(of) => self.integrate(&of.equation, &of.step, &values, x, t),
+            Copy::ModelExchange(of) => {
+                let t = t * f64::from(times);
+                self.integrate(&of.equation, &of.step, &values, x, t)
+            }
             Copy::CoSimulation(instance) => {
                 let mut step = |instance: &mut Instance| {
                     instance.restart(&self.references, &values)?;
-                    instance.do_step(t)?;
+                    for k in 0..times {
+                        instance.do_step(f64::from(k) * t, t)?;
+                    }
                     self.states.read(instance, x)
                 };
                 step(instance).map_err(external)
@@ -318,7 +323,7 @@ fn check_set(
     let keyed = |key: &'static str| move |name| (key.to_owned(), name);
     let of_starts = plant.starts.iter().map(keyed("start_variables"));
     let parameters = plant.parameters.iter().map(|(name, _)| (format!("parameters.{name}"), name));
-    let names = plant.inputs.iter().map(keyed("variables")).chain(of_starts).chain(parameters);
+    let names = plant.inputs.iter().map(keyed("inputs")).chain(of_starts).chain(parameters);
     for ((key, name), &place) in names.zip(places.into_iter().flatten()) {
         if set.contains(&place) {
             let problem = format!("`{name}` is set already, as an input, a start or a parameter");

@@ -19,8 +19,8 @@ pub(super) struct Job {
 
 /// What is asked for of each point.
 pub(super) enum Wanted {
-    /// The state after so many seconds.
-    States(f64),
+    /// The state after so many seconds, so many times in one run.
+    States(f64, u32),
     /// The same of all points, and then the Jacobians A and B of all.
     Jacobians(f64),
     /// The outputs there.
@@ -103,9 +103,9 @@ fn work(
     let Job { mut x, u, wanted } = job;
     let (dims, points) = (simulation.dims, u.len() / simulation.dims.nu);
     let duration_s = match wanted {
-        Wanted::States(duration_s) => {
+        Wanted::States(duration_s, times) => {
             for (x, u) in x.chunks_exact_mut(dims.nx).zip(u.chunks_exact(dims.nu)) {
-                simulation.step(copy, x, u, duration_s)?;
+                simulation.step(copy, x, u, (duration_s, times))?;
                 done.fetch_add(1, Ordering::Relaxed);
             }
             return Ok(x);
