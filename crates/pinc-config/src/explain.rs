@@ -54,6 +54,10 @@ fn in_plain_quoted(message: &str) -> String {
         // A choice between several kinds of thing, of which a table names one by its only key.
         return "no key or several given, expected exactly one".to_owned();
     }
+    if message.ends_with("unit variant, expected string only") {
+        return "no word given, expected one of this key's words, or a table where it takes one"
+            .to_owned();
+    }
     if message.ends_with("unit variant, expected newtype variant") {
         return "a word given, expected a table with a value for it".to_owned();
     }

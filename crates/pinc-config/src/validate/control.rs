@@ -59,7 +59,8 @@ pub(super) fn closed_loop(
     references(spec)?;
     // The length of a step does not matter for what is checked here.
     let problem = spec.problem(variables, 1.0);
-    problem.validate(variables.dims()).map_err(|error| mpc_finding(&error))
+    problem.validate(variables.dims()).map_err(|error| mpc_finding(&error))?;
+    initial_input(spec, inputs)
 }
 
 fn output_bounds(spec: &ControlSpec, variables: &Variables) -> Checked {
@@ -131,12 +132,26 @@ fn models(spec: &ControlSpec) -> Checked {
     Ok(())
 }
 
+/// Checks that a move within its bounds leads from the input before the loop to the input's bounds.
+fn initial_input(spec: &ControlSpec, inputs: usize) -> Checked {
+    for (i, (low, high)) in (0..inputs).zip(spec.input_low.iter().zip(&spec.input_high)) {
+        let before = spec.initial_input.as_ref().map_or(0.0, |input| input[i]);
+        let least = spec.increment_high.as_ref().map_or(f64::NEG_INFINITY, |by| low - by[i]);
+        let most = spec.increment_low.as_ref().map_or(f64::INFINITY, |by| high - by[i]);
+        if !(least..=most).contains(&before) {
+            let expected = format!("{least} to {most}, from where a move leads to its bounds");
+            return value(&format!("control.initial_input[{i}]"), before, &expected);
+        }
+    }
+    Ok(())
+}
+
 fn close_ups(spec: &ControlSpec) -> Checked {
     for (i, window) in spec.close_ups_s.iter().enumerate() {
         let [from, to] = *window;
         if !(0.0 <= from && from < to && from < spec.duration_s) {
-            let expected =
-                format!("[from, to] within 0 to {} s, from less than to", spec.duration_s);
+            let last = spec.duration_s;
+            let expected = format!("[from, to] with from within 0 to {last} s and less than to");
             return value(&format!("control.close_ups_s[{i}]"), format!("{window:?}"), &expected);
         }
     }

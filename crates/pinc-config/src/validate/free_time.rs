@@ -64,11 +64,8 @@ fn end_state(control: &ControlSpec, variables: &Variables) -> Checked {
         if !number.is_finite() {
             return Err((key, Problem::NotFinite(number)));
         }
-        let bound = |side: &Option<Vec<f64>>, none: f64| {
-            side.as_ref().and_then(|side| side.get(place).copied()).unwrap_or(none)
-        };
-        let low = bound(&control.state_low, f64::NEG_INFINITY);
-        let high = bound(&control.state_high, f64::INFINITY);
+        let low = control.bound(0, place).unwrap_or(f64::NEG_INFINITY);
+        let high = control.bound(3, place).unwrap_or(f64::INFINITY);
         if !(low..=high).contains(&number) {
             return value(&key, number, &format!("from {low} to {high}, the bounds of {name}"));
         }

@@ -22,16 +22,17 @@ pub(super) fn whole(control: &ControlSpec, variables: &Variables) -> Checked {
             }
         }
     }
-    if control.integer.is_empty() {
-        return Ok(());
-    }
     let others = [
         ("sqp.real_time", control.sqp.real_time),
         ("control.scenarios", control.scenarios.is_some()),
         ("control.uncertainty", control.uncertainty.is_some()),
         ("control.bound_schedule", !control.bound_schedule.is_empty()),
     ];
-    alone(KEY, format!("{:?}", control.integer), "key", &others)
+    if control.integer.is_empty() {
+        Ok(())
+    } else {
+        alone(KEY, format!("{:?}", control.integer), "key", &others)
+    }
 }
 
 /// Steady-state targets.

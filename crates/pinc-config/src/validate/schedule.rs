@@ -14,14 +14,17 @@ const BOUNDS: &str = "control.bound_schedule";
 /// Key of the parameters that the plant in the loop has.
 const PLANT: &str = "control.plant_schedule";
 
+/// Key of the loads.
+const LOADS: &str = "control.loads";
+
+/// What has no parameters that change.
+const OF_ESTIMATORS: &str = "[control.estimator], whose parameters are constant or estimated";
+
 pub(super) fn schedules(experiment: &Experiment, spec: &ControlSpec) -> Checked {
     let varying: Vec<String> = experiment.varying().into_iter().map(str::to_owned).collect();
     let own = experiment.plant_in_the_loop().parameter_names();
     if !spec.parameter_schedule.is_empty() {
-        let others = [(
-            "[control.estimator], whose parameters are constant or estimated",
-            spec.estimator.is_some(),
-        )];
+        let others = [(OF_ESTIMATORS, spec.estimator.is_some())];
         alone(PARAMETERS, "values", "key", &others)?;
     }
     measured(spec, &varying)?;
@@ -104,30 +107,28 @@ pub(super) fn times(spec: &ControlSpec, sample_time_s: Option<f64>) -> Checked {
         let expected = format!("at most {most}: no input would reach the plant within the run");
         return value("control.delay_steps", spec.delay_steps, &expected);
     }
-    for (i, reference) in spec.references.iter().enumerate() {
-        let key = format!("control.references[{i}].start_s");
-        step_mark(&key, reference.start_s, sample_time_s)?;
-    }
-    for (key, changes) in [(PARAMETERS, &spec.parameter_schedule), (PLANT, &spec.plant_schedule)] {
-        for (i, change) in changes.iter().enumerate() {
-            step_mark(&format!("{key}[{i}].start_s"), change.start_s, sample_time_s)?;
+    let starts_of = |changes: &[ParameterStep]| changes.iter().map(|of| of.start_s).collect();
+    let starts: [(&str, Vec<f64>); 5] = [
+        ("control.references", spec.references.iter().map(|of| of.start_s).collect()),
+        (PARAMETERS, starts_of(&spec.parameter_schedule)),
+        (PLANT, starts_of(&spec.plant_schedule)),
+        (BOUNDS, spec.bound_schedule.iter().map(|of| of.start_s).collect()),
+        (LOADS, spec.loads.iter().map(|of| of.start_s).collect()),
+    ];
+    for (key, starts) in starts {
+        for (i, start_s) in starts.into_iter().enumerate() {
+            step_mark(&format!("{key}[{i}].start_s"), start_s, sample_time_s)?;
         }
     }
-    for (i, step) in spec.bound_schedule.iter().enumerate() {
-        step_mark(&format!("{BOUNDS}[{i}].start_s"), step.start_s, sample_time_s)?;
-    }
-    for (i, load) in spec.loads.iter().enumerate() {
-        step_mark(&format!("control.loads[{i}].start_s"), load.start_s, sample_time_s)?;
-        if let Some(end_s) = load.end_s {
-            whole_steps(&format!("control.loads[{i}].end_s"), end_s, sample_time_s)?;
-        }
+    for (i, end_s) in spec.loads.iter().enumerate().filter_map(|(i, of)| Some((i, of.end_s?))) {
+        whole_steps(&format!("{LOADS}[{i}].end_s"), end_s, sample_time_s)?;
     }
     Ok(())
 }
 
 fn loads(spec: &ControlSpec, variables: &Variables) -> Checked {
     for (i, load) in spec.loads.iter().enumerate() {
-        let key = |name: &str| format!("control.loads[{i}].{name}");
+        let key = |name: &str| format!("{LOADS}[{i}].{name}");
         if load.start_s >= spec.duration_s {
             let expected = format!("less than the duration of the run, {}", spec.duration_s);
             return value(&key("start_s"), load.start_s, &expected);
@@ -140,7 +141,7 @@ fn loads(spec: &ControlSpec, variables: &Variables) -> Checked {
         }
         if load.inputs.is_empty() && load.rates.is_empty() {
             let expected = "what the load adds: `inputs = { .. }` or `rates = { .. }`";
-            return value(&format!("control.loads[{i}]"), "nothing", expected);
+            return value(&format!("{LOADS}[{i}]"), "nothing", expected);
         }
         for (table, found, known) in [
             ("inputs", &load.inputs, variables.input_names()),
@@ -160,17 +161,11 @@ fn measured(spec: &ControlSpec, varying: &[String]) -> Checked {
     let key = "control.measured_parameters";
     let none = "no such key: the models' parameters that vary are in [domain.parameters]";
     distinct(|i| format!("{key}[{i}]"), measured, varying, [none, "each parameter once"])?;
-    if measured.is_empty() {
-        return Ok(());
-    }
     let others = [
-        (
-            "[control.estimator], whose parameters are constant or estimated",
-            spec.estimator.is_some(),
-        ),
+        (OF_ESTIMATORS, spec.estimator.is_some()),
         ("control.parameter_schedule, which gives them", !spec.parameter_schedule.is_empty()),
     ];
-    alone(key, format!("{measured:?}"), "key", &others)
+    if measured.is_empty() { Ok(()) } else { alone(key, format!("{measured:?}"), "key", &others) }
 }
 
 fn schedule(key: &str, changes: &[ParameterStep], known: &[String], duration_s: f64) -> Checked {

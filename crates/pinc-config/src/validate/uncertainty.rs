@@ -19,16 +19,22 @@ pub(super) fn uncertainty(
     let Some(spec) = &control.uncertainty else { return Ok(()) };
     sources(spec, control, variables)?;
     intervals(experiment, control, spec)?;
-    at_least_one(&format!("{SECTION}.tightenings"), spec.tightenings)?;
+    let tightenings = format!("{SECTION}.tightenings");
+    at_least_one(&tightenings, spec.tightenings)?;
+    if spec.tightenings > 1 {
+        alone(
+            &tightenings,
+            spec.tightenings,
+            "number",
+            &[("sqp.real_time", control.sqp.real_time)],
+        )?;
+    }
     if let FeedbackSpec::Matrix(rows) = &spec.feedback {
         let key = format!("{SECTION}.feedback");
         let inputs = variables.inputs.len();
         if rows.len() != inputs {
-            return value(
-                &key,
-                format!("{} rows", rows.len()),
-                &format!("{inputs}, one per input"),
-            );
+            let expected = format!("{inputs}, one per input");
+            return value(&key, format!("{} rows", rows.len()), &expected);
         }
         for (i, row) in rows.iter().enumerate() {
             length(&format!("{key}[{i}]"), row, variables.states.len(), "state")?;
@@ -56,23 +62,16 @@ fn sources(spec: &UncertaintySpec, control: &ControlSpec, variables: &Variables)
         place(&key("boxes"), name, &known)?;
         not_negative(&format!("{SECTION}.boxes.{name}"), limit)?;
     }
-    match spec.chance() {
-        Some(chance) if !(0.5..1.0).contains(&chance) => {
-            return value(
-                &key("probability"),
-                chance,
-                "from 0.5 to less than 1, or \"worst-case\"",
-            );
-        }
-        Some(_) => {}
-        None => {
-            let unbounded =
-                [("process_sd", !spec.process_sd.is_empty()), ("estimate", spec.estimate)];
-            if let Some((name, _)) = unbounded.iter().find(|(_, is_there)| *is_there) {
-                let expected = "no such key with probability = \"worst-case\": it has no limit";
-                return value(&key(name), "a value", expected);
-            }
-        }
+    if let Some(chance) = spec.chance().filter(|chance| !(0.5..1.0).contains(chance)) {
+        let expected = "from 0.5 to less than 1, or \"worst-case\"";
+        return value(&key("probability"), chance, expected);
+    }
+    let unbounded = [("process_sd", !spec.process_sd.is_empty()), ("estimate", spec.estimate)];
+    let mut worst_case =
+        unbounded.iter().filter(|(_, is_there)| *is_there && spec.chance().is_none());
+    if let Some((name, _)) = worst_case.next() {
+        let expected = "no such key with probability = \"worst-case\": it has no limit";
+        return value(&key(name), "a value", expected);
     }
     if spec.estimate && control.estimator.is_none() {
         return value(&key("estimate"), true, "[control.estimator], which has a covariance");
@@ -107,14 +106,13 @@ fn intervals(experiment: &Experiment, control: &ControlSpec, spec: &UncertaintyS
             return value(&key, found(), "two finite numbers, the lower one first");
         }
         known_to_net(&key, found(), name, (experiment, control))?;
-        for (other, is_there) in [
+        let others = [
             ("measured", control.measured_parameters.contains(name)),
             ("estimated", estimated.contains(&name)),
             ("in control.parameter_schedule", scheduled(name)),
-        ] {
-            if is_there {
-                return value(&key, found(), &format!("a parameter that is not {other}"));
-            }
+        ];
+        if let Some((other, _)) = others.iter().find(|(_, is_there)| *is_there) {
+            return value(&key, found(), &format!("a parameter that is not {other}"));
         }
     }
     Ok(())

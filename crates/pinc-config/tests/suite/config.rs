@@ -393,6 +393,28 @@ fn names_and_units_have_no_control_characters() {
 }
 
 /// A number that is none is refused with the file's line and its key, before a loop begins with it.
+/// From 9.5 a move of at most .1 does not lead below 4.45, nor one from 0, where none is given, above 1.
+#[test]
+fn bounded_moves_lead_from_the_initial_input_to_its_bounds() {
+    let moves = ["control.increment_low=[-0.1]", "control.increment_high=[0.1]"];
+    let with = |more: &[&str]| parse(LAYERED, &[&moves[..], more].concat());
+    let far = with(&["control.initial_input=[9.5]"]).unwrap_err();
+    let said =
+        "`control.initial_input[0]`: 9.5 given, expected 0.4 to 4.55, from where a move leads";
+    assert!(far.contains(said), "{far}");
+    let low = with(&["control.input_low=[1.0]", "control.input_high=[2.0]"]).unwrap_err();
+    assert!(low.contains("`control.initial_input[0]`: 0 given, expected 0.9 to 2.1"), "{low}");
+    assert!(with(&["control.initial_input=[4.5]"]).is_ok());
+}
+
+/// A number where a word is expected.
+#[test]
+fn a_number_is_no_word() {
+    let set = parse(LAYERED, &["control.state_softness=100.0"]).unwrap_err();
+    let said = "control.state_softness`: no word given, expected one of this key's words";
+    assert!(set.contains(said), "{set}");
+}
+
 #[test]
 fn an_initial_input_is_finite() {
     for (value, said) in [("nan", "NaN"), ("inf", "inf"), ("-inf", "-inf")] {

@@ -100,6 +100,10 @@ fn what_makes_no_tube_is_refused_by_name() {
         (vec![of("feedback=[[1.0]]")], "1 values given, expected 2"),
         (vec![of("feedback=[]")], "0 rows given, expected 1, one per input"),
         (vec![of("feedback=lqr")], "expected \"riccati\", \"none\" or a matrix"),
+        (
+            vec![of("tightenings=2"), "control.sqp.real_time=true".to_owned()],
+            "2 given, expected no such number with sqp.real_time",
+        ),
         (vec!["control.delay_steps=1".to_owned()], "no such table with control.delay_steps"),
         (
             vec!["control.scenarios.values={ a = [1.0, 2.0] }".to_owned()],
