@@ -58,9 +58,22 @@ def test_the_environment_follows_the_rules_of_gymnasium(smoke: Path) -> None:
     )
 
 
+def test_changes_of_the_input_are_clipped_too(smoke: Path) -> None:
+    env = LoopEnv(smoke, {"control.increment_low": [-0.1], "control.increment_high": [0.05]})
+    env.reset(options={"x": [0.0, 0.0]})
+    *_, info = env.step(np.array([0.7]))
+    plant = pinc.Plant(smoke)
+    first = plant.simulate([0.0, 0.0], [0.05])[1]
+    assert info["x"] == pytest.approx(first, abs=1e-9)
+    *_, info = env.step(np.array([-1.0]))
+    assert info["x"] == pytest.approx(plant.simulate(first, [-0.05])[1], abs=1e-9)
+
+
 def test_what_an_environment_does_not_have_is_refused(smoke: Path) -> None:
     for key, value in (
+        ("bound_schedule", [{"start_s": 1.0, "input_high": {"u": 0.5}}]),
         ("delay_steps", 2),
+        ("integer", ["u"]),
         ("loads", [{"start_s": 0.0, "rates": {"x1": 0.1}}]),
         ("measured_parameters", ["mu"]),
         ("plant_schedule", [{"start_s": 0.0, "values": {"mu": 1.5}}]),

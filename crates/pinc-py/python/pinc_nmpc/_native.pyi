@@ -218,8 +218,8 @@ class Nmpc:
         per step ahead: row j, from 0, for the end of the step that begins j steps from now (with a
         delay of d steps, j + d). The config's references give a row the value at the beginning of
         that step: a row that ends exactly at a change has the value from before it. Without
-        ``reference`` they are followed, from the first step on. ``u_applied`` is the input that the
-        plant was really given since the last step, if that was not the one chosen. ``parameters`` are the
+        ``reference`` they are followed, from the first step on. ``u_applied`` is the input that was
+        sent to the plant in place of the last one chosen; with a delay of d steps it acts d steps later. ``parameters`` are the
         values of ``control.measured_parameters``, in that order; as before if they are not given.
         ``budget_us`` is the time that the step may take, in us, in place of ``control.budget_us``.
         """

@@ -28,7 +28,8 @@ _Array = NDArray[np.float64]
 class LoopEnv(gymnasium.Env[_Array, _Array]):
     """The plant of a config under inputs of your own, a step of T at a time.
 
-    An action is the plant's input, clipped to the controller's bounds. An observation is the state,
+    An action is the plant's input, clipped to the controller's bounds of inputs
+    and of their changes. An observation is the state,
     then the reference of what is controlled. The reward is minus the cost of the step, with the
     config's weights: ``-(sum q e^2 + sum r du^2)`` with the errors e at its end and the change du of
     the input. An episode ends (is truncated) after ``control.duration_s``.
@@ -59,7 +60,8 @@ class LoopEnv(gymnasium.Env[_Array, _Array]):
             raise InputError("the config has no section [control], which an environment needs")
         if "cost" in control:
             raise InputError("control.cost: an environment has the costs q and r")
-        for key in ("delay_steps", "loads", "measured_parameters", "plant_schedule"):
+        refused = ("bound_schedule", "delay_steps", "integer", "loads", "measured_parameters", "plant_schedule")
+        for key in refused:
             if control.get(key):
                 raise InputError(f"control.{key}: given, but an environment has none")
         self._q, self._r = np.array(control["q"]), np.array(control["r"])
@@ -82,6 +84,9 @@ class LoopEnv(gymnasium.Env[_Array, _Array]):
         self.observation_space = gymnasium.spaces.Box(-np.inf, np.inf, (size,), np.float64)
         low, high = (np.array(control[key], np.float64) for key in ("input_low", "input_high"))
         self.action_space = gymnasium.spaces.Box(low, high, dtype=np.float64)
+        no_bound = np.full(len(self._r), np.inf)
+        self._least_change = np.array(control.get("increment_low", -no_bound), np.float64)
+        self._most_change = np.array(control.get("increment_high", no_bound), np.float64)
         self._x, self._u, self._k = self._start, self._first_input, 0
 
     def reset(
@@ -104,6 +109,7 @@ class LoopEnv(gymnasium.Env[_Array, _Array]):
         u = np.asarray(action, dtype=np.float64)
         if u.shape != box.shape:
             raise InputError(f"action: shape {u.shape} given, expected {box.shape}, one per input")
+        u = np.clip(u, self._u + self._least_change, self._u + self._most_change)
         u = np.clip(u, box.low, box.high)
         reference = self._reference()
         self._x = self._plant.simulate(self._x, u, self._step_s)[1]
