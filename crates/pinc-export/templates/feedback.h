@@ -83,7 +83,8 @@ void pinc_feedback_reset(pinc_feedback *f);
 void pinc_feedback_reset_to(pinc_feedback *f, const PINC_REAL u[PINC_NU]);
 
 /**
- * Says which input the plant was really given in place of the last one chosen. An input that is
+ * Says which input was sent to the plant in place of the last one chosen; with a delay of d steps it
+ * acts d steps later, as that one would have. An input that is
  * beyond the controller's bounds or not finite is refused with PINC_BAD_ARGUMENT and changes
  * nothing, as a struct that was not set up is with PINC_NOT_INITIALIZED; the status is PINC_CONVERGED
  * otherwise.

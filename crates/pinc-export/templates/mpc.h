@@ -255,7 +255,8 @@ void pinc_mpc_reset_input(pinc_mpc *m, const PINC_REAL u[PINC_NU]);
 void pinc_mpc_reset_to(pinc_mpc *m, const PINC_REAL x[PINC_NX], const PINC_REAL u[PINC_NU]);
 
 /**
- * Says which input the plant was really given in place of the last one chosen. An input that is
+ * Says which input was sent to the plant in place of the last one chosen; with a delay of d steps it
+ * acts d steps later, as that one would have. An input that is
  * beyond the bounds or not finite is refused with PINC_BAD_ARGUMENT and changes nothing, as a struct
  * that was not set up is with PINC_NOT_INITIALIZED; the status is PINC_CONVERGED otherwise.
  */

@@ -195,8 +195,9 @@ pub fn significant(value: f64) -> String {
 pub fn advice(status: &str) -> &'static str {
     let is = |known: SqpStatus| known.to_string() == status;
     if is(SqpStatus::InfeasibleQp) {
-        "No plan keeps all bounds: widen them, lengthen the horizon n2, or let states leave their \
-         bounds where they must with state_softness = \"exact\"."
+        "No plan keeps all bounds, those of end_state and of a cost's inequalities among them: widen them, \
+         lengthen the horizon n2, or let states leave their bounds where they must with \
+         state_softness = \"exact\"."
     } else if is(SqpStatus::IterationLimit) {
         "Allow more of control.sqp.max_iterations, try control.sqp.hessian = \"adaptive\", shorten T, or \
          move the references in smaller steps."
