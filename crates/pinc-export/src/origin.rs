@@ -11,7 +11,7 @@ pub struct Origin {
     pub version: String,
     /// A hash of what was exported, in hexadecimal digits.
     pub hash: String,
-    /// The states with their units; a net alone knows no units.
+    /// The states with their units.
     pub states: Vec<Variable>,
     /// The inputs with their units.
     pub inputs: Vec<Variable>,
@@ -22,14 +22,14 @@ pub struct Origin {
 }
 
 impl Origin {
-    /// The origin of a net without units.
+    /// The origin of a net, with the units that it was trained in.
     #[must_use]
     pub fn of_net(net: &PincNet, version: &str, hash: &str) -> Self {
-        let variables = |names: &[String]| {
-            let variable =
-                |name: &String| Variable { name: name.clone().into(), unit: String::new().into() };
-            names.iter().map(variable).collect()
+        let variable = |name: &String| {
+            let unit = net.units.get(name).cloned().unwrap_or_default();
+            Variable { name: name.clone().into(), unit: unit.into() }
         };
+        let variables = |names: &[String]| names.iter().map(variable).collect();
         Self {
             version: version.to_owned(),
             hash: hash.to_owned(),

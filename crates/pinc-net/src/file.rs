@@ -25,6 +25,8 @@ struct Description {
     /// In version 2 only.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     parameters: Vec<String>,
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    units: BTreeMap<String, String>,
     #[serde(rename = "horizon_s")]
     sample_time_s: f64,
     activation: String,
@@ -107,6 +109,7 @@ impl PincNet {
             states: self.states.clone(),
             inputs: self.inputs.clone(),
             parameters,
+            units: self.units.clone(),
             sample_time_s: self.sample_time_s,
             activation: ACTIVATION.into(),
             ansatz: self.ansatz,
@@ -204,6 +207,7 @@ impl Description {
             domain,
             states: self.states,
             inputs: self.inputs,
+            units: self.units,
             time_only: self.time_only,
             source: self.source,
             certificate: None,

@@ -4,8 +4,9 @@ use crate::mlp::MlpConfig;
 use crate::sampling::{Points, Purpose, Sampler, rng};
 use crate::{Ansatz, Domain, Mlp, NetError, Normalizer, TrainingTarget};
 use pinc_ad::Scalar;
-use pinc_ode::{BlackBox, Dims, DynRhs, OdeError};
+use pinc_ode::{BlackBox, Dims, DynRhs, OdeError, Variable};
 use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
 
 /// Number of points at which the plant's velocities are evaluated to find their scale.
 const SCALE_POINTS: usize = 4096;
@@ -116,6 +117,8 @@ pub struct PincNet {
     pub(crate) output: Normalizer,
     pub(crate) states: Vec<String>,
     pub(crate) inputs: Vec<String>,
+    /// The units of those states and inputs that have one, by their names.
+    pub units: BTreeMap<String, String>,
     /// With the parameters in the plant's order.
     pub(crate) domain: Domain,
     pub(crate) time_only: Option<Scenario>,
@@ -151,9 +154,9 @@ impl PincNet {
             Ansatz::HardLinear => displacement_scale(plant, config, &domain, seed)?,
         };
         let size = config.size(dims);
-        let names = |variables: &[pinc_ode::Variable]| {
-            variables.iter().map(|v| v.name.to_string()).collect()
-        };
+        let names = |of: &[Variable]| of.iter().map(|v| v.name.to_string()).collect();
+        let all = plant.states().iter().chain(plant.inputs());
+        let units = all.filter(|v| !v.unit.is_empty());
         Ok(Self {
             mlp: Mlp::glorot_normal(size, &mut rng(seed, Purpose::Weights)),
             ansatz: config.ansatz,
@@ -162,6 +165,7 @@ impl PincNet {
             output,
             states: names(plant.states()),
             inputs: names(plant.inputs()),
+            units: units.map(|v| (v.name.to_string(), v.unit.to_string())).collect(),
             domain,
             time_only: config.time_only.clone(),
             source: TrainingTarget::Physics,

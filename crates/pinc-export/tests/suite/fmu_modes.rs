@@ -168,6 +168,26 @@ fn a_net_that_has_no_value_stays_where_it_is() {
     assert_eq!(found[6..], [ERROR]);
 }
 
+/// The units of a net are those of the plant that it was trained on; one without units has none.
+#[test]
+fn a_net_has_the_units_of_its_plant() {
+    let [unitless, _, tanks] = nets();
+    for version in [FmiVersion::Two, FmiVersion::Three] {
+        let description = |net| {
+            let (name, origin) = (Name::new("net").unwrap(), Origin::of_net(net, "0", "0"));
+            let files = net_to_fmu(net, &name, &origin, version).unwrap();
+            String::from_utf8(files[0].bytes.clone()).unwrap()
+        };
+        let xml = description(&tanks);
+        let defined = "<UnitDefinitions>\n    <Unit name=\"V\"/>\n    <Unit name=\"cm\"/>\n";
+        assert!(xml.contains(defined), "{xml}");
+        // Four states, their starts, and two inputs.
+        let count = |unit: &str| xml.matches(&format!(" unit=\"{unit}\"")).count();
+        assert_eq!([count("cm"), count("V")], [8, 2], "{xml}");
+        assert!(!description(&unitless).contains("Unit"), "{}", description(&unitless));
+    }
+}
+
 /// A mode of -k 1/s beside a slow one, which follows the input u.
 fn stiff() -> PlantEquations {
     equations(

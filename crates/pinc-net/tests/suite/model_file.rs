@@ -37,6 +37,22 @@ fn a_net_survives_the_file_bit_for_bit_and_the_bytes_are_stable() {
     }
 }
 
+/// The units of states and inputs stay with the net; a file may leave them out.
+#[test]
+fn a_net_keeps_the_units_of_its_plant() {
+    let net = net(&FourTanks::antonelo(), Ansatz::Direct, false);
+    let of = |name: &str| net.units.get(name).map(String::as_str);
+    assert_eq!([of("h1"), of("u2"), of("x")], [Some("cm"), Some("V"), None]);
+    let without = with_header(&net.to_bytes(), |header| {
+        let (before, rest) = header.split_once(r#"\"units\":{"#).unwrap();
+        before.trim_end_matches(',').to_owned() + &rest[rest.find('}').unwrap() + 1..]
+    });
+    let mut read = PincNet::from_bytes(&without).unwrap();
+    assert!(read.units.is_empty());
+    read.units.clone_from(&net.units);
+    assert_eq!(read, net);
+}
+
 /// The file with its header's text changed; the header is filled up with spaces.
 pub(crate) fn with_header(bytes: &[u8], change: impl Fn(&str) -> String) -> Vec<u8> {
     let length = usize::try_from(u64::from_le_bytes(bytes[..8].try_into().unwrap())).unwrap();
