@@ -1,7 +1,7 @@
 //! The model description of FMI 2.0.
 
 use crate::Name;
-use crate::fmu::{Description, GUID};
+use crate::fmu::{Description, GUID, LOG_CATEGORIES};
 use crate::fmu_variables::Role;
 use crate::origin::{Origin, attribute};
 use crate::template::constant;
@@ -30,7 +30,7 @@ impl Description<'_> {
              modelName=\"{name}\"{} guid=\"{}\"\n    generationTool=\"pinc {}\" \
              variableNamingConvention=\"flat\">\n{exchange}  <CoSimulation \
              modelIdentifier=\"{name}\" canHandleVariableCommunicationStepSize=\"{}\"\n      \
-             {kept}</CoSimulation>\n{}{}  <DefaultExperiment startTime=\"0\" stepSize=\"{}\"/>\n  \
+             {kept}</CoSimulation>\n{}{}{}  <DefaultExperiment startTime=\"0\" stepSize=\"{}\"/>\n  \
              <ModelVariables>\n{}  </ModelVariables>\n{}</fmiModelDescription>\n",
             self.description(),
             GUID,
@@ -38,6 +38,7 @@ impl Description<'_> {
             self.any_step,
             self.units(),
             self.types(),
+            LOG_CATEGORIES,
             constant(self.step_s),
             self.model_variables(),
             self.structure(),

@@ -2,7 +2,7 @@
 
 use crate::Name;
 use crate::fmi2::described;
-use crate::fmu::{Description, GUID};
+use crate::fmu::{Description, GUID, LOG_CATEGORIES};
 use crate::fmu_variables::{Real, Role};
 use crate::origin::{Origin, attribute};
 use crate::template::constant;
@@ -35,7 +35,7 @@ impl Description<'_> {
              modelName=\"{name}\"{}\n    instantiationToken=\"{}\"\n    generationTool=\"pinc {}\" \
              variableNamingConvention=\"flat\">\n{exchange}  <CoSimulation \
              modelIdentifier=\"{name}\" canHandleVariableCommunicationStepSize=\"{}\"\n      \
-             {kept}{}{}  <DefaultExperiment startTime=\"0\" \
+             {kept}{}{}{}  <DefaultExperiment startTime=\"0\" \
              stepSize=\"{}\"/>\n  <ModelVariables>\n    <Float64 name=\"time\" \
              valueReference=\"0\" causality=\"independent\" variability=\"continuous\"/>\n{}  \
              </ModelVariables>\n{}</fmiModelDescription>\n",
@@ -45,6 +45,7 @@ impl Description<'_> {
             self.any_step,
             self.units(),
             self.types3(),
+            LOG_CATEGORIES,
             constant(self.step_s),
             self.variables3(),
             self.structure3(),

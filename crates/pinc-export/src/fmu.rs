@@ -491,6 +491,10 @@ impl Description<'_> {
     }
 }
 
+/// What is logged.
+pub(crate) const LOG_CATEGORIES: &str =
+    "  <LogCategories>\n    <Category name=\"error\"/>\n  </LogCategories>\n";
+
 /// Where a description has the GUID.
 pub(crate) const GUID: &str = "@GUID@";
 

@@ -42,6 +42,7 @@ typedef struct {
     /* The mode behind the initialization. */
     int run;
     fmi2CallbackFunctions callbacks;
+    int is_silent;
     /* The name, behind this. */
     char *name;
 } pinc_instance;
@@ -51,13 +52,13 @@ static pinc_slave *pinc_of(fmi2Component instance)
     return &((pinc_instance *)instance)->slave;
 }
 
-/* Logs why a call fails, which is no debug message that the importer switches on. The text is the format,
+/* Logs why a call fails, which is no debug message that an instance is to be asked for. The text is the format,
    as loggers in other languages print it as it is; it has no percent sign. */
 static void pinc_say(fmi2Component c, fmi2Status status, const char *text)
 {
     const pinc_instance *instance = (pinc_instance *)c;
     const fmi2CallbackFunctions *to = &instance->callbacks;
-    if (to->logger != NULL) {
+    if ((to->logger != NULL) && (instance->is_silent == 0)) {
         to->logger(to->componentEnvironment, instance->name, status, "error", text);
     }
 }

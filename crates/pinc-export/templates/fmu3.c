@@ -36,6 +36,7 @@ typedef struct {
     int run;
     fmi3InstanceEnvironment environment;
     fmi3LogMessageCallback log;
+    int is_silent;
 } pinc_instance;
 
 static pinc_slave *pinc_of(fmi3Instance instance)
@@ -43,11 +44,11 @@ static pinc_slave *pinc_of(fmi3Instance instance)
     return &((pinc_instance *)instance)->slave;
 }
 
-/* Logs why a call fails, which is no debug message that the importer switches on. */
+/* Logs why a call fails, which is no debug message that an instance is to be asked for. */
 static void pinc_say(fmi3Instance c, fmi3Status status, const char *text)
 {
     const pinc_instance *instance = (pinc_instance *)c;
-    if (instance->log != NULL) {
+    if ((instance->log != NULL) && (instance->is_silent == 0)) {
         instance->log(instance->environment, status, "error", text);
     }
 }
