@@ -2,12 +2,13 @@
 
 use crate::controller::Controller;
 use crate::error::finite;
+use crate::selftest::{Precision, difference, in_float, set_allowed};
 use crate::template::{Template, array, constant, places, table};
 use crate::{ExportError, GeneratedFile, golden};
 use pinc_estimate::{
     Augmentation, Augmented, Disturbance, Ekf, Estimator, Gate, Measured, Mhe, Tuning, Ukf,
 };
-use pinc_mpc::{Nmpc, ProblemUnits};
+use pinc_mpc::{Memory, Nmpc, ProblemUnits};
 use pinc_ode::{Dims, Model};
 
 /// The estimator of a controller: which one, of what, and how it is tuned.
@@ -272,23 +273,87 @@ pub(crate) fn set_selftest(
     estimation: Estimation<'_>,
     steps: usize,
 ) -> Result<usize, ExportError> {
-    let Rows { measured, windows, inputs, estimates } =
-        run((controller, library), estimation, steps)?;
-    let all = measured.iter().chain(&inputs).chain(&estimates);
+    let mut both = Both::new(controller, library, estimation)?;
+    let mut fresh = Vec::new();
+    both.nmpc.remember(&mut Memory::save(&mut fresh));
+    let rows = run(&mut both, (controller, estimation), steps)?;
+    let all = rows.measured.iter().chain(&rows.inputs).chain(&rows.estimates);
     finite("the loop of the self-test", all.flatten())?;
+    let [double, float] = Precision::both(Some(estimation.filter));
+    both.nmpc.remember(&mut Memory::restore(&fresh));
+    let mut both = Both::new(controller, both.nmpc, estimation)?;
+    let in_double = both.moved(&rows, double)?;
+    both.nmpc.remember(&mut Memory::restore(&fresh));
+    let nmpc = in_float(controller)?.unwrap_or(both.nmpc);
+    let in_float = Both::new(controller, nmpc, estimation)?.moved(&rows, float)?;
+    set_allowed(t, Some(estimation.filter), [&in_double, &in_float]);
     let tables = [
-        table("y", &measured),
-        table("rows", &windows),
-        table("u", &inputs),
-        table("z", &estimates),
+        table("y", &rows.measured),
+        table("rows", &rows.windows),
+        table("u", &rows.inputs),
+        table("z", &rows.estimates),
     ];
     t.set("TABLES", tables.concat());
-    Ok(inputs.len())
+    Ok(rows.inputs.len())
+}
+
+/// Controller and estimator of the library.
+struct Both<'a> {
+    nmpc: Nmpc,
+    filter: Box<dyn Estimator>,
+    augmentation: &'a Augmentation,
+    /// The inputs under way, the one that acts first in front.
+    acting: Vec<f64>,
+    has_begun: bool,
+}
+
+impl<'a> Both<'a> {
+    fn new(
+        controller: &Controller<'_>,
+        nmpc: Nmpc,
+        estimation: Estimation<'a>,
+    ) -> Result<Self, ExportError> {
+        let model = controller.library_model()?;
+        let first = controller.first_input(model.dims());
+        let filter = estimation.library(model, &first)?;
+        let acting = first.repeat(controller.problem.delay + 1);
+        let augmentation = estimation.augmentation;
+        Ok(Self { nmpc, filter, augmentation, acting, has_begun: false })
+    }
+
+    /// The input chosen after a measurement.
+    fn step(&mut self, y: &[f64], window: &[f64]) -> Result<Vec<f64>, ExportError> {
+        let Dims { nx, nu, .. } = self.nmpc.model().dims();
+        if self.has_begun {
+            self.filter.predict(&self.acting[..nu]);
+            self.acting.copy_within(nu.., 0);
+        }
+        self.has_begun = true;
+        self.filter.correct(y);
+        let (mut x, mut unknowns) = (vec![0.0; nx], vec![0.0; self.filter.dims().nx - nx]);
+        self.augmentation.read(self.filter.estimate(), &mut x, &mut unknowns);
+        self.nmpc.set_parameters(&unknowns)?;
+        let u = self.nmpc.step(&x, window)?.u.to_vec();
+        let last = self.acting.len() - nu;
+        self.acting[last..].copy_from_slice(&u);
+        Ok(u)
+    }
+
+    /// How far inputs and estimates of each step move if what is measured is off by rounding.
+    fn moved(&mut self, rows: &Rows, precision: Precision) -> Result<Vec<f64>, ExportError> {
+        let mut moved = Vec::new();
+        for (k, (y, window)) in rows.measured.iter().zip(&rows.windows).enumerate() {
+            let u = self.step(&precision.round(k, y), window)?;
+            let expected = rows.inputs[k].iter().chain(&rows.estimates[k]);
+            moved.push(difference(u.iter().chain(self.filter.estimate()), expected));
+        }
+        Ok(moved)
+    }
 }
 
 fn run(
-    (controller, mut nmpc): (&Controller<'_>, Nmpc),
-    estimation: Estimation<'_>,
+    both: &mut Both<'_>,
+    (controller, estimation): (&Controller<'_>, Estimation<'_>),
     steps: usize,
 ) -> Result<Rows, ExportError> {
     let mut plant = controller.library_model()?;
@@ -296,40 +361,27 @@ fn run(
     let measured_at = estimation.measured(plant.dims())?;
     let p = &estimation.augmentation.parameters;
     let mut outputs = vec![0.0; ny];
-    let (delay, reference) = (controller.problem.delay, controller.reference);
+    let reference = controller.reference;
     let ends: Vec<_> = estimation.tuning.measurement_sd.iter().map(|sd| (-sd, *sd)).collect();
     let errors = golden::points(&ends);
     let (mut x, mut next) = (controller.initial_state.to_vec(), vec![0.0; nx]);
-    let mut before = controller.first_input(plant.dims());
-    let mut filter = estimation.library(controller.library_model()?, &before)?;
-    let (mut seen, mut unknowns) = (vec![0.0; nx], vec![0.0; filter.dims().nx - nx]);
-    let mut acting = before.repeat(delay + 1);
     let mut window = vec![0.0; controller.problem.horizon * reference.outputs()];
     let mut rows = Rows::default();
     for k in 0..steps.min(reference.steps()) {
-        if k > 0 {
-            before.copy_from_slice(&acting[..nu]);
-            filter.predict(&before);
-            acting.copy_within(nu.., 0);
-        }
         if estimation.measures_outputs() {
-            plant.output(&x, &before, p, &mut outputs);
+            plant.output(&x, &both.acting[..nu], p, &mut outputs);
         }
-        let both = measured_at.iter().zip(&errors[k % errors.len()]);
+        let noisy = measured_at.iter().zip(&errors[k % errors.len()]);
         let value = |at: usize| if at < nx { x[at] } else { outputs[at - nx] };
-        let measured: Vec<f64> = both.map(|(&at, error)| value(at) + error).collect();
-        filter.correct(&measured);
-        estimation.augmentation.read(filter.estimate(), &mut seen, &mut unknowns);
-        nmpc.set_parameters(&unknowns)?;
+        let measured: Vec<f64> = noisy.map(|(&at, error)| value(at) + error).collect();
         controller.window(k, &mut window);
-        let u = nmpc.step(&seen, &window)?.u.to_vec();
-        acting[delay * nu..].copy_from_slice(&u);
-        plant.step(&x, &acting[..nu], p, &mut next);
+        let u = both.step(&measured, &window)?;
+        plant.step(&x, &both.acting[..nu], p, &mut next);
         x.copy_from_slice(&next);
         rows.measured.push(measured);
         rows.windows.push(window.clone());
         rows.inputs.push(u);
-        rows.estimates.push(filter.estimate().to_vec());
+        rows.estimates.push(both.filter.estimate().to_vec());
     }
     Ok(rows)
 }

@@ -35,6 +35,7 @@ mod origin;
 mod outputs_c;
 mod protobuf;
 mod runge_kutta_c;
+mod selftest;
 mod start_c;
 mod template;
 mod tube_c;

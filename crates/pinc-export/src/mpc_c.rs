@@ -3,12 +3,13 @@
 use crate::controller::{Controller, ModelSource, penalty};
 use crate::error::finite;
 use crate::error_c::without_estimate;
-use crate::feedback_c::{Filter, INCLUDE_OUTPUTS, feedback_core, has_units, set_unknowns};
+use crate::feedback_c::{INCLUDE_OUTPUTS, feedback_core, has_units, set_unknowns};
 use crate::guard_c::{set_guard, substitute_core};
 use crate::net_c::{has_time, net_core, sources};
 use crate::origin::{Origin, domain};
 use crate::outputs_c::outputs_core;
 use crate::runge_kutta_c::runge_kutta_core;
+use crate::selftest::{FLOAT_TOLERANCE, Precision, difference, in_float, set_allowed};
 use crate::start_c::set_start;
 use crate::template::{Template, array, constant, places, table};
 use crate::tube_c::set_tube;
@@ -18,21 +19,6 @@ use pinc_ode::Dims;
 
 /// Steps of the self-test.
 const STEPS: usize = 20;
-
-/// What an input of the self-test may differ by in double and in float, relative to 1 + its size.
-/// In float the iteration ends earlier.
-const TOLERANCES: [&str; 2] = ["1e-8", "1e-3"];
-
-/// The relative error of states that stands for rounding in double and in float, and the difference of
-/// inputs above which they depend on it.
-const ROUNDING: [(f64, f64); 2] = [(1e-13, 1e-8), (1e-6, 1e-3)];
-
-/// The tolerances with the unscented filter. Its points are close together in double, which leaves
-/// rounding, and far apart in float, which makes another filter.
-const UNSCENTED_TOLERANCES: [&str; 2] = ["1e-6", "5e-2"];
-
-/// The smallest residual that single precision can be asked for.
-const FLOAT_TOLERANCE: f64 = 1e-3;
 
 /// The controller as C99: the model, the transcription by multiple shooting, Gauss-Newton SQP and
 /// the condensed active-set method, in memory of fixed size; with a self-test, build file and a
@@ -50,21 +36,8 @@ pub fn controller_to_c(
     origin: &Origin,
 ) -> Result<Vec<GeneratedFile>, ExportError> {
     let (mut t, mut files) = controller_sources(controller, name, origin)?;
-    let headers = beside.iter().filter(|file| file.path.ends_with(".h"));
-    let text = |file: &GeneratedFile| {
-        format!(
-            "**Beside the controller.** The library has the functions of `{}` too, which says what they \
-             do; the self-test leaves them out.\n\n",
-            file.path
-        )
-    };
-    t.set("BESIDE", headers.map(text).collect::<String>());
+    set_beside(&mut t, &beside);
     files.extend(beside);
-    let [double, float] = controller.estimator.map_or(TOLERANCES, |of| match of.filter {
-        Filter::Extended | Filter::MovingHorizon(_) => TOLERANCES,
-        Filter::Unscented => UNSCENTED_TOLERANCES,
-    });
-    t.set("DOUBLE", double).set("FLOAT", float);
     match controller.net_error()? {
         Some(estimate) => {
             let call = "    failed += (pinc_error_off() <= 1.0) ? 0 : 1;\n";
@@ -83,6 +56,7 @@ pub fn controller_to_c(
             include_str!("../templates/feedback_selftest.c")
         }
     };
+    t.set("JUDGE", include_str!("../templates/selftest_judge.c"));
     files.push(t.file("selftest.c", selftest));
     t.set("SOURCES", sources(&files));
     files.push(t.named("CMakeLists.txt", include_str!("../templates/net_cmake.txt")));
@@ -90,6 +64,25 @@ pub fn controller_to_c(
     set_page(&mut t, controller, origin)?;
     files.push(t.named("README.md", include_str!("../templates/mpc_readme.md")));
     Ok(files)
+}
+
+/// Fills what page and self-test say of the files beside the controller: headers of functions, and of
+/// their self-tests, `NAME_selftest.h` with a function of this name that returns 0 if they do what they
+/// should.
+fn set_beside(t: &mut Template, beside: &[GeneratedFile]) {
+    let (mut text, mut include, mut call) = (String::new(), String::new(), String::new());
+    for header in beside.iter().filter_map(|file| file.path.strip_suffix(".h")) {
+        if header.ends_with("_selftest") {
+            include += &format!("#include \"{header}.h\"\n");
+            call += &format!("    failed += {header}();\n");
+        } else {
+            text += &format!(
+                "**Beside the controller.** The library has the functions of `{header}.h` too, which says \
+                 what they do.\n\n"
+            );
+        }
+    }
+    t.set("BESIDE", text).set("BESIDE_INCLUDE", include).set("BESIDE_CALL", call);
 }
 
 /// Headers and sources of the controller and its model, and what templates are filled with.
@@ -395,33 +388,30 @@ fn set_selftest(
         x = next;
     }
     finite("the loop of the self-test", states.iter().chain(&inputs).flatten())?;
-    let [double, float] = ROUNDING.map(|rounding| {
-        nmpc.remember(&mut Memory::restore(&fresh));
-        steady_steps(&mut nmpc, [&states[..], &windows[..], &inputs[..]], rounding)
-    });
-    t.set("FLOAT_STEPS", float?).set("DOUBLE_STEPS", double?);
+    let rows = [&states[..], &windows[..], &inputs[..]];
+    let [double, float] = Precision::both(None);
+    nmpc.remember(&mut Memory::restore(&fresh));
+    let in_double = moved(&mut nmpc, rows, double)?;
+    nmpc.remember(&mut Memory::restore(&fresh));
+    let in_float = moved(in_float(controller)?.as_mut().unwrap_or(&mut nmpc), rows, float)?;
+    set_allowed(t, None, [&in_double, &in_float]);
     let tables = [table("x", &states), table("rows", &windows), table("u", &inputs)];
     t.set("STEPS", inputs.len()).set("TABLES", tables.concat());
     Ok(())
 }
 
-/// Returns the number of steps before the first one whose input changes by more than the tolerance if the
-/// states are off by `rounding`, as inputs of steps that do not converge may. From there on the generated
-/// controller need not agree with the library.
-fn steady_steps(
+/// How far the inputs of each step move if the states are off by rounding, as they may where a step does
+/// not converge, and if `nmpc` ends its iteration earlier.
+fn moved(
     nmpc: &mut Nmpc,
     [states, windows, inputs]: [&[Vec<f64>]; 3],
-    (rounding, tolerance): (f64, f64),
-) -> Result<usize, ExportError> {
+    precision: Precision,
+) -> Result<Vec<f64>, ExportError> {
+    let mut moved = Vec::new();
     for (k, ((x, window), u)) in states.iter().zip(windows).zip(inputs).enumerate() {
-        let sign = |i: usize| if (i + k).is_multiple_of(2) { rounding } else { -rounding };
-        let x: Vec<f64> = x.iter().enumerate().map(|(i, x)| x * (1.0 + sign(i))).collect();
-        let again = nmpc.step(&x, window)?.u;
-        if again.iter().zip(u).any(|(a, b)| (a - b).abs() > tolerance * (1.0 + b.abs())) {
-            return Ok(k);
-        }
+        moved.push(difference(nmpc.step(&precision.round(k, x), window)?.u, u));
     }
-    Ok(inputs.len())
+    Ok(moved)
 }
 
 fn set_page(

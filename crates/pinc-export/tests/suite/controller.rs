@@ -588,5 +588,5 @@ fn inputs_that_depend_on_rounding_are_not_compared() {
         ..oscillator_case()
     };
     let printed = case.sources().selftest("ctl", &[]);
-    assert!(printed.contains("inputs from step 0 on depend on rounding"), "{printed}");
+    assert!(printed.contains("numbers from step 0 on depend on rounding"), "{printed}");
 }

@@ -13,6 +13,7 @@ mod net;
 mod refusals;
 mod rust_plants;
 mod sensitivity;
+mod single;
 mod start;
 mod variants;
 mod wrappers;

@@ -1,0 +1,36 @@
+#define PINC_IS_FLOAT (sizeof(PINC_REAL) == sizeof(float))
+/* The number of steps that are compared: later ones depend on rounding. */
+#define PINC_COMPARED (PINC_IS_FLOAT ? @FLOAT_STEPS@ : @DOUBLE_STEPS@)
+
+/* What a number of each step may differ by in single precision, relative to 1 + its size: what its
+   rounding, and the residual that is asked for, leave. */
+@ALLOWED@
+/* The difference that is the largest part of what is allowed in its step. */
+static double pinc_worst = 0.0;
+static double pinc_limit = PINC_IS_FLOAT ? @FLOAT@ : @DOUBLE@;
+
+static void pinc_compare(int k, PINC_REAL found, double expected)
+{
+    const double off = fabs((double)found - expected) / (1.0 + fabs(expected));
+    const double allowed = PINC_IS_FLOAT ? pinc_allowed_float[k] : @DOUBLE@;
+    if ((k < PINC_COMPARED) && !((off * pinc_limit) <= (pinc_worst * allowed))) {
+        pinc_worst = (off <= 1e300) ? off : 1.0;
+        pinc_limit = allowed;
+    }
+}
+
+/* Says how far numbers are off, and returns 0 if that is allowed and nothing else failed. */
+static int pinc_judge(int failed)
+{
+    const int bad = ((pinc_worst <= pinc_limit) && (failed == 0)) ? 0 : 1;
+    printf("@name@: %d steps, largest difference %.2e, allowed %.2e\n", PINC_STEPS, pinc_worst,
+           pinc_limit);
+    if (PINC_COMPARED < PINC_STEPS) {
+        printf("@name@: numbers from step %d on depend on rounding and are not compared\n",
+               PINC_COMPARED);
+    }
+    if ((bad != 0) && PINC_IS_FLOAT) {
+        printf("@name@: single precision is not enough for this controller: take double\n");
+    }
+    return bad;
+}
