@@ -1,19 +1,23 @@
 //! A net with its check as C.
 
 use crate::check::{Limit, Rater, size, urgency};
+use crate::selftest::golden;
 use crate::{Policy, PolicyNet};
 use pinc_export::{Controller, ExportError, GeneratedFile, ModelSource, Name, lanes_to_c};
 use pinc_mpc::Nmpc;
 use std::fmt::Write as _;
 
-/// The header and the source, filled with names by `fill`.
-const HEADER: &str = include_str!("../templates/policy.h");
-const SOURCE: &str = include_str!("../templates/policy.c");
+/// The files by how their names end, filled with names by `fill`.
+const FILES: [(&str, &str); 3] = [
+    ("policy.h", include_str!("../templates/policy.h")),
+    ("policy.c", include_str!("../templates/policy.c")),
+    ("policy_selftest.h", include_str!("../templates/policy_selftest.h")),
+];
 
 /// Returns `NAME_policy.h` and `NAME_policy.c`: the net and the check of its plans
 /// ([`Checked`](crate::Checked)), without a quadratic program and without branches that depend on
-/// numbers. They use the header of the exported `controller`'s model, and the source of a net; `nmpc` is
-/// the same controller.
+/// numbers; and `NAME_policy_selftest.h`, which compares both with golden decisions. They use the header
+/// of the exported `controller`'s model, and the source of a net; `nmpc` is the same controller.
 ///
 /// # Errors
 ///
@@ -23,7 +27,7 @@ pub fn policy_to_c(
     nmpc: &mut Nmpc,
     controller: &Controller<'_>,
     name: &Name,
-) -> Result<[GeneratedFile; 2], ExportError> {
+) -> Result<[GeneratedFile; 3], ExportError> {
     let functions = lanes_to_c(controller)?;
     let problem = nmpc.problem().clone();
     let dims = nmpc.model().dims();
@@ -68,9 +72,11 @@ pub fn policy_to_c(
         ModelSource::RungeKutta(model) => model.method.name(),
         _ => "net",
     };
+    let golden = golden(policy, nmpc, controller);
     let fill = |text: &str| {
         let pairs = [
-            ("@FUNCTIONS@", functions.as_str()),
+            ("@GOLDEN@", golden.as_str()),
+            ("@FUNCTIONS@", &functions),
             ("@TABLES@", &tables.text),
             ("@MODEL@", model),
             ("@OUTPUTS@", &count.to_string()),
@@ -86,8 +92,8 @@ pub fn policy_to_c(
         ];
         pairs.iter().fold(text.to_owned(), |text, (key, value)| text.replace(key, value))
     };
-    Ok([("h", HEADER), ("c", SOURCE)].map(|(ending, text)| GeneratedFile {
-        path: format!("{}_policy.{ending}", name.as_str()),
+    Ok(FILES.map(|(ending, text)| GeneratedFile {
+        path: format!("{}_{ending}", name.as_str()),
         bytes: fill(text).into_bytes(),
     }))
 }
@@ -122,17 +128,17 @@ fn weights(PolicyNet { layers: net, inputs, outputs }: &PolicyNet) -> Vec<f64> {
 
 /// The tables of the source.
 #[derive(Debug, Default)]
-struct Tables {
-    text: String,
+pub(crate) struct Tables {
+    pub(crate) text: String,
 }
 
 impl Tables {
-    fn count(&mut self, name: &str, count: usize) {
+    pub(crate) fn count(&mut self, name: &str, count: usize) {
         let _ = writeln!(self.text, "#define {name} {count}");
     }
 
     /// A table of `rows`, at least one; C has none of length 0.
-    fn table(&mut self, (kind, name, more): (&str, &str, &str), values: &[String]) {
+    pub(crate) fn table(&mut self, (kind, name, more): (&str, &str, &str), values: &[String]) {
         let _ =
             writeln!(self.text, "static const {kind} {name}[{}{more}] = {{", values.len().max(1));
         for row in values.chunks(4) {

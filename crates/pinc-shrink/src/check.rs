@@ -71,9 +71,13 @@ impl Checked {
     /// [`ShrinkError::Feature`] if the controller has something that a net does not replace.
     pub fn new(policy: Policy, nmpc: &mut Nmpc) -> Result<Self, ShrinkError> {
         check_controller(nmpc)?;
+        Ok(Self::of(policy, nmpc))
+    }
+
+    pub(crate) fn of(policy: Policy, nmpc: &mut Nmpc) -> Self {
         let zeros = || vec![0.0; policy.net.outputs.middle.len()];
         let [shifted, candidate, trial] = [(); 3].map(|()| zeros());
-        Ok(Self { policy, rater: Rater::new(nmpc), shifted, candidate, trial, is_alone: false })
+        Self { policy, rater: Rater::new(nmpc), shifted, candidate, trial, is_alone: false }
     }
 
     /// The same without the controller as the last resort, as in exported C.
@@ -106,6 +110,22 @@ impl Checked {
             }
         }
         (taken, best)
+    }
+
+    /// The ratings of the plans of the last decision, made from there with `plan` before it, by number.
+    pub(crate) fn ratings(
+        &mut self,
+        program: &mut Program<'_>,
+        at: [&[f64]; 3],
+        plan: &[f64],
+    ) -> [Rating; PARTS.len() + 1] {
+        let first = self.rater.rate(program, at, plan);
+        let mut all = [first; PARTS.len() + 1];
+        for (rating, part) in all[1..].iter_mut().zip(PARTS) {
+            self.between(part, at[2]);
+            *rating = self.rater.rate(program, at, &self.trial);
+        }
+        all
     }
 
     /// Writes to `trial` a plan between the shifted one and the net's, moved into its bounds.

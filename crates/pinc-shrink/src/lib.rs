@@ -13,6 +13,7 @@ mod judge;
 mod net;
 mod policy;
 mod samples;
+mod selftest;
 mod train;
 
 pub use c::policy_to_c;

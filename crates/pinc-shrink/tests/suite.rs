@@ -263,9 +263,10 @@ fn files(equations: &PlantEquations, shrunk: &Shrunk, nmpc: &mut Nmpc) -> Vec<Ge
         equations: None,
         estimates_error: false,
         guard: None,
-        initial_state: &[0.0; 2],
+        initial_state: &[0.6, -0.2],
         initial_input: None,
-        reference: &Reference::new(vec![0.0; 2], 2).unwrap(),
+        reference: &Reference::new([[0.4, 0.0].repeat(10), [-0.3, 0.0].repeat(10)].concat(), 2)
+            .unwrap(),
         preview: false,
         budget_us: None,
         estimator: None,
@@ -305,6 +306,35 @@ fn exported_c_decides_as_the_library() {
     let of_outputs = decides_as_the_library(&pendulum(), &pendulum_problem(), "policy-outputs");
     let taken = of_states + &of_outputs;
     assert!(['0', '1', '2', '3'].iter().all(|plan| taken.contains(*plan)), "{taken}");
+}
+
+/// The self-test of the directory steps the net: it passes in both precisions, and fails if a weight of
+/// the net is another.
+fn selftest(dir: &Path) {
+    let make = |real: &str| {
+        let options =
+            ["clean", "test", &format!("VDP_REAL={real}"), "CFLAGS=-O1 -Wall -Wextra -Werror"];
+        let made = Command::new("make").args(options).current_dir(dir).output().unwrap();
+        (made.status.success(), String::from_utf8(made.stdout).unwrap())
+    };
+    for real in ["double", "float"] {
+        let (passed, printed) = make(real);
+        let allowed = if real == "double" { "allowed 1.00e-08" } else { "allowed 1.00e-03" };
+        assert!(printed.contains(allowed), "{printed}");
+        let line = printed.lines().find(|line| line.starts_with("vdp_policy: 20 plans")).unwrap();
+        assert!(
+            passed && line.contains(" 0 of which differ") && !line.contains(" 0 dec"),
+            "{printed}"
+        );
+    }
+    let source = dir.join("vdp_policy.c");
+    let text = fs::read_to_string(&source).unwrap();
+    let (before, rest) = text.split_once("weights[").unwrap();
+    let changed = format!("{before}weights[{}", rest.replacen("VDP_N(", "VDP_N(0.1 + ", 1));
+    fs::write(&source, changed).unwrap();
+    let (passed, printed) = make("double");
+    assert!(!passed, "{printed}");
+    fs::write(&source, text).unwrap();
 }
 
 /// Takes decisions by C and by the library: along a loop, and from plans of the controller, as they
@@ -360,6 +390,7 @@ fn decides_as_the_library(equations: &PlantEquations, problem: &NmpcProblem, dir
     let page = fs::read_to_string(dir.join("README.md")).unwrap();
     assert!(page.contains("`vdp_policy.h`") && page.contains(" vdp_policy.c "), "{page}");
     assert!(fs::read_to_string(dir.join("Makefile")).unwrap().contains(" vdp_policy.c"));
+    selftest(&dir);
     // One plan in each lane, and one lane.
     for more in [&[][..], &["-DVDP_VECTOR_BYTES=0"]] {
         let built = Command::new("cc")
