@@ -6,9 +6,48 @@ use numpy::{
     PyUntypedArrayMethods,
 };
 use pyo3::prelude::*;
+use std::ops::Deref;
 
-/// Numbers as a caller gives them: an array, or what `numpy` makes one of.
-pub(crate) type Given<'py> = PyArrayLikeDyn<'py, f64, AllowTypeChange>;
+/// Numbers as a caller gives them: an array, or what `numpy` makes one of. Masked ones are NaN.
+#[derive(Debug)]
+pub(crate) struct Given<'py>(PyArrayLikeDyn<'py, f64, AllowTypeChange>);
+
+impl<'py> Deref for Given<'py> {
+    type Target = PyReadonlyArrayDyn<'py, f64>;
+
+    fn deref(&self) -> &Self::Target {
+        &self.0
+    }
+}
+
+impl<'py> FromPyObject<'_, 'py> for Given<'py> {
+    type Error = PyErr;
+
+    /// `pyo3` adds a note with the argument's name to the error.
+    fn extract(given: Borrowed<'_, 'py, PyAny>) -> PyResult<Self> {
+        let py = given.py();
+        let numpy = py.import("numpy")?;
+        if numpy
+            .call_method1("iscomplexobj", (&given,))
+            .is_ok_and(|is| is.is_truthy().unwrap_or(false))
+        {
+            return Err(input("complex numbers given, expected real ones"));
+        }
+        let masked = numpy.getattr("ma")?.call_method1("isMaskedArray", (&given,))?.is_truthy()?;
+        let array = match masked {
+            true => given.call_method1("astype", ("f8",))?.call_method1("filled", (f64::NAN,))?,
+            false => given.to_owned(),
+        };
+        let numbers = array.extract().map_err(|error: PyErr| input(error.value(py).to_string()));
+        Ok(Self(numbers?))
+    }
+}
+
+/// A whole number as a caller gives it for the argument `name`, from `least` to `most`.
+pub(crate) fn whole(name: &str, given: i64, least: usize, most: usize) -> PyResult<usize> {
+    let number = usize::try_from(given).ok().filter(|number| (least..=most).contains(number));
+    number.ok_or_else(|| input(format!("{name}: {given} given, expected {least} to {most}")))
+}
 
 /// An array of numbers for a caller.
 pub(crate) type Array<'py> = Bound<'py, PyArrayDyn<f64>>;
@@ -58,11 +97,10 @@ impl Points {
 
 /// The numbers of an array, row by row.
 pub(crate) fn values(given: &Given<'_>) -> Vec<f64> {
-    let array: &PyReadonlyArrayDyn<'_, f64> = given;
-    match array.as_array().as_slice() {
+    match given.as_array().as_slice() {
         Some(values) => values.to_vec(),
         // By columns, or with gaps.
-        None => array.as_array().iter().copied().collect(),
+        None => given.as_array().iter().copied().collect(),
     }
 }
 

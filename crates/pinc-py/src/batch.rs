@@ -1,6 +1,6 @@
 //! A controller for many states at once.
 
-use crate::arrays::{Array, Given, array, values};
+use crate::arrays::{Array, Given, array, values, whole};
 use crate::controller::{GivenModel, Origin, OriginParts};
 use crate::errors::{input, of_mpc, of_run};
 use crate::gradient::{Layout, by_name};
@@ -91,11 +91,6 @@ impl Arguments {
 
 impl NmpcBatch {
     fn make(origin: Origin, threads: usize) -> PyResult<Self> {
-        if threads > MOST_THREADS {
-            return Err(input(format!(
-                "threads: {threads} given, expected {MOST_THREADS} at most"
-            )));
-        }
         let mut controller = origin.make(|experiment, model, only| {
             BatchController::new(experiment, model, only, threads, "pinc.NmpcBatch")
         })?;
@@ -177,8 +172,9 @@ impl NmpcBatch {
         model: Option<GivenModel<'_>>,
         only: Option<&str>,
         overrides: Option<&Bound<'_, PyAny>>,
-        threads: usize,
+        threads: i64,
     ) -> PyResult<Self> {
+        let threads = whole("threads", threads, 0, MOST_THREADS)?;
         Self::make(Origin::of(config, overrides, model.as_ref(), only)?, threads)
     }
 

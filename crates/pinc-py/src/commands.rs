@@ -1,6 +1,7 @@
 //! What the program does, as functions: each reads its config, works as the command of its name
 //! does, and gives what that writes. `python/pinc/_commands.py` makes results of it.
 
+use crate::arrays::whole;
 use crate::config::{experiment, plants};
 use crate::controller::kind;
 use crate::errors::{input, of_run};
@@ -90,7 +91,7 @@ pub(crate) fn findings(py: Python<'_>, common: Common<'_>) -> PyResult<String> {
 pub(crate) fn certify_into(
     py: Python<'_>,
     common: Common<'_>,
-    points: Option<usize>,
+    points: Option<i64>,
     data: Option<PathBuf>,
     run: Option<PathBuf>,
     domain: bool,
@@ -98,6 +99,7 @@ pub(crate) fn certify_into(
 ) -> PyResult<(PathBuf, String)> {
     let (experiment, only) = (common.experiment()?, common.only()?);
     let budget_s = budget_s.map(|given| seconds("budget_s", given)).transpose()?;
+    let points = points.map(|given| whole("points", given, 0, 1_000_000)).transpose()?;
     let dir = common.directory(&experiment, "-certify");
     let (model, what) = (common.model.as_deref(), Certify { points, data, run, domain, budget_s });
     let found = common
@@ -113,15 +115,13 @@ pub(crate) fn identify_into(
     common: Common<'_>,
     data: Vec<PathBuf>,
     validate: Vec<PathBuf>,
-    starts: Option<usize>,
+    starts: Option<i64>,
 ) -> PyResult<(PathBuf, String)> {
     let (experiment, only) = (common.experiment()?, common.only()?);
     if data.is_empty() {
         return Err(input("data: nothing given, expected a recording, or several"));
     }
-    if starts.is_some_and(|starts| !(1..=1000).contains(&starts)) {
-        return Err(input("starts: expected a number from 1 to 1000"));
-    }
+    let starts = starts.map(|given| whole("starts", given, 1, 1000)).transpose()?;
     let (dir, model) = (common.directory(&experiment, "-identify"), common.model.as_deref());
     let found = common.call("identify", &experiment).run(py, |options| {
         pinc_runs::identify(&experiment, (&data, &validate), &dir, options, model, only, starts)
@@ -206,31 +206,21 @@ pub(crate) fn tune_into(
 pub(crate) fn shrink_into(
     py: Python<'_>,
     common: Common<'_>,
-    neurons: Option<usize>,
-    samples: Option<usize>,
-    iterations: Option<usize>,
-    loops: Option<usize>,
+    neurons: Option<i64>,
+    samples: Option<i64>,
+    iterations: Option<i64>,
+    loops: Option<i64>,
 ) -> PyResult<(PathBuf, String, Option<String>)> {
     let usual = ShrinkOptions::default();
-    let how = ShrinkOptions {
-        neurons: neurons.unwrap_or(usual.neurons),
-        samples: samples.unwrap_or(usual.samples),
-        iterations: iterations.unwrap_or(usual.iterations),
-        loops: loops.unwrap_or(usual.loops),
+    let count = |name: &str, given: Option<i64>, usual: usize, [least, most]: [usize; 2]| {
+        given.map_or(Ok(usual), |given| whole(name, given, least, most))
     };
-    let counts = [
-        ("neurons", how.neurons, 1..=200),
-        ("samples", how.samples, 100..=10_000_000),
-        ("iterations", how.iterations, 0..=10_000_000),
-        ("loops", how.loops, 1..=10_000_000),
-    ];
-    for (name, given, range) in counts {
-        if !range.contains(&given) {
-            let (low, high) = range.into_inner();
-            let problem = format!("{name}: {given} given, expected from {low} to {high}");
-            return Err(input(problem));
-        }
-    }
+    let how = ShrinkOptions {
+        neurons: count("neurons", neurons, usual.neurons, [1, 200])?,
+        samples: count("samples", samples, usual.samples, [100, 10_000_000])?,
+        iterations: count("iterations", iterations, usual.iterations, [0, 10_000_000])?,
+        loops: count("loops", loops, usual.loops, [1, 10_000_000])?,
+    };
     let (experiment, only) = (common.experiment()?, common.only()?);
     let (dir, model) = (common.directory(&experiment, "-shrink"), common.model.as_deref());
     let shrunk = common

@@ -1,8 +1,7 @@
 //! The plant of a config: its equation, its simulator, and integrators as models of it.
 
-use crate::arrays::{Array, Given, Points, array};
+use crate::arrays::{Array, Given, Points, array, whole};
 use crate::config::Source;
-use crate::controller::kind;
 use crate::discrete::Discrete;
 use crate::errors::input;
 use crate::work::{interrupted, watched};
@@ -259,19 +258,18 @@ impl Plant {
         &self,
         method: &str,
         step_s: Option<f64>,
-        substeps: Option<usize>,
+        substeps: Option<i64>,
     ) -> PyResult<IntegratorModel> {
         self.equation()?;
-        let integrator = kind(method)?.integrator().ok_or_else(|| {
+        let named = Integrator::ALL.into_iter().find(|integrator| integrator.name() == method);
+        let integrator = named.ok_or_else(|| {
             let names = Integrator::ALL.map(Integrator::name).join(", ");
             input(format!("method: {method:?} given, expected one of {names}"))
         })?;
         let step_s = step(step_s.or(self.experiment.sample_time_s()))?;
         let own = self.experiment.control.as_ref().map(|control| control.own_substeps(integrator));
-        let substeps = substeps.or(own).unwrap_or(4);
-        if !(1..=10_000).contains(&substeps) {
-            return Err(input(format!("substeps: {substeps} given, expected 1 to 10000")));
-        }
+        let given = substeps.map(|given| whole("substeps", given, 1, 10_000)).transpose()?;
+        let substeps = given.or(own).unwrap_or(4);
         let (source, in_loop) = (self.source.clone(), self.in_loop);
         IntegratorModel::make(self, Made { source, in_loop, integrator, step_s, substeps })
     }
@@ -301,7 +299,7 @@ pub(crate) fn restore_integrator(
     in_loop: bool,
     method: &str,
     step_s: f64,
-    substeps: usize,
+    substeps: i64,
 ) -> PyResult<IntegratorModel> {
     let plant = Plant::read(Source::from_parts(source), in_loop)?;
     plant.model(method, Some(step_s), Some(substeps))

@@ -3,25 +3,33 @@
 use crate::arrays::{Array, Given, array, values};
 use crate::errors::input;
 use numpy::PyUntypedArrayMethods;
-use pinc_qp::{ChosenQp, OcpDims, Qp, QpMethod, QpSolver, QpStatus, QpStep};
+use pinc_qp::{ChosenQp, Limits, OcpDims, Qp, QpMethod, QpSolver, QpStatus, QpStep};
 use pyo3::prelude::*;
 
 /// Solution and multipliers of inequalities, equalities and bounds.
 type Solution<'py> = (Array<'py>, Array<'py>, Array<'py>, Array<'py>);
 
+/// None of these may be NaN, as what is left out but must be there.
+fn numbers(values: Vec<f64>, name: &str) -> PyResult<Vec<f64>> {
+    match values.iter().any(|value| value.is_nan()) {
+        true => Err(input(format!("{name}: NaN or nothing given, expected numbers"))),
+        false => Ok(values),
+    }
+}
+
 /// A matrix with rows of `n` numbers, and how many rows it has.
 fn matrix(given: Option<&Given<'_>>, name: &str, n: usize) -> PyResult<(Vec<f64>, usize)> {
     match given.map(|given| (given.shape(), given)) {
         None => Ok((Vec::new(), 0)),
-        Some(([rows, width], given)) if *width == n => Ok((values(given), *rows)),
+        Some(([rows, width], given)) if *width == n => Ok((numbers(values(given), name)?, *rows)),
         Some(_) => Err(input(format!("{name}: expected a matrix with {n} columns"))),
     }
 }
 
 fn vector(given: Option<&Given<'_>>, name: &str, n: usize, absent: f64) -> PyResult<Vec<f64>> {
     match given.map(|given| (given.shape(), given)) {
-        None => Ok(vec![absent; n]),
-        Some(([found], given)) if *found == n => Ok(values(given)),
+        None => numbers(vec![absent; n], name),
+        Some(([found], given)) if *found == n => numbers(values(given), name),
         Some(_) => Err(input(format!("{name}: expected a vector of {n} numbers"))),
     }
 }
@@ -52,7 +60,7 @@ pub(crate) fn solve_dense_qp<'py>(
     let dims = OcpDims { inequalities, equalities, ..OcpDims::new(1, n, 1) };
     let mut qp = Qp::new(dims, vec![1.0], vec![0.0; n * n]);
     qp.w = p;
-    qp.gradient[1..].copy_from_slice(&values(&q));
+    qp.gradient[1..].copy_from_slice(&numbers(values(&q), "q")?);
     qp.rows_u = [g, a].concat();
     let b = vector(b.as_ref(), "b", equalities, f64::NAN)?;
     qp.rows.low[inequalities..].copy_from_slice(&b);
@@ -60,6 +68,14 @@ pub(crate) fn solve_dense_qp<'py>(
     qp.rows.high[inequalities..].copy_from_slice(&b);
     qp.bounds.low[1..].copy_from_slice(&vector(lb.as_ref(), "lb", n, f64::NEG_INFINITY)?);
     qp.bounds.high[1..].copy_from_slice(&vector(ub.as_ref(), "ub", n, f64::INFINITY)?);
+    // The methods take lower ends that are no higher than the upper ones, and numbers within them.
+    let crossed = |of: &Limits| {
+        let mut ends = of.low.iter().zip(&of.high);
+        ends.any(|(low, high)| low > high || *low == f64::INFINITY || *high == f64::NEG_INFINITY)
+    };
+    if crossed(&qp.rows) || crossed(&qp.bounds) {
+        return Ok(None);
+    }
     let mut step = QpStep::new(dims);
     let status = py.detach(|| {
         let mut status = QpStatus::Failed;

@@ -3,6 +3,7 @@
 import copy
 import pickle
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -90,3 +91,22 @@ def test_wrong_arguments_are_refused(smoke: Path) -> None:
     ]:
         with pytest.raises(pinc.InputError, match=message):
             call()  # type: ignore[no-untyped-call]
+
+
+def test_arguments_that_are_no_numbers_of_the_kind_are_named(smoke: Path) -> None:
+    plant = pinc.Plant(smoke)
+    with pytest.raises(pinc.InputError, match="substeps: -1 given, expected 1 to 10000"):
+        plant.model(substeps=-1)
+    with pytest.raises(pinc.InputError, match="method: \"foo\" given, expected one of rk4"):
+        plant.model("foo")
+    with pytest.raises(pinc.InputError, match="threads: -1 given, expected 0 to"):
+        pinc.NmpcBatch(smoke, only="rk4", threads=-1)
+    ragged: Any = [[1.0, 2.0], [1.0]]
+    for given, message in ((ragged, "inhomogeneous"), (np.array([1.0, 2j]), "complex"), ("no", "could not")):
+        with pytest.raises(pinc.InputError, match=message) as raised:
+            plant.derivative(given, [0.0])
+        # Python has notes from 3.11 on.
+        assert getattr(raised.value, "__notes__", ["'x'"])[0].endswith("'x'")
+    # A masked number is missing.
+    masked = np.ma.array([1.0, 2.0], mask=[False, True])
+    assert np.isnan(plant.derivative(masked, [0.0])).any()

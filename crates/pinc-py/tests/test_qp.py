@@ -42,3 +42,21 @@ def test_it_is_a_solver_of_qpsolvers() -> None:
     assert qpsolvers.available_solvers.count("pinc") == 1
     x = qpsolvers.solve_qp(np.eye(2), np.array([-3.0, 1.0]), ub=np.array([2.0, 2.0]), solver="pinc")
     assert x == pytest.approx([2.0, -1.0])
+
+
+def test_crossed_and_infinite_limits_have_no_solution_and_nan_is_refused() -> None:
+    one, ends = np.eye(1), {"lb": [1.0], "ub": [0.0]}
+    assert solve_qp(one, [1.0], **ends) is None
+    assert solve_qp(np.eye(2), [1.0, 1.0], [[1.0, 1.0]], [3.0], lb=[1.0, -5.0], ub=[0.0, 5.0]) is None
+    assert solve_qp(one, [1.0], lb=[np.inf], ub=[np.inf]) is None
+    assert solve_qp(one, [1.0], ub=[-np.inf]) is None
+    assert solve_qp(one, [1.0], G=[[1.0]], h=[-np.inf]) is None
+    free = solve_qp(one, [1.0], G=[[1.0]], h=[np.inf], lb=[-np.inf])
+    assert free is not None and free.x == pytest.approx([-1.0])
+    for name, given in (("lb", [np.nan]), ("ub", [np.nan]), ("h", [np.nan]), ("h", None)):
+        with pytest.raises(pinc.InputError, match=f"{name}: NaN"):
+            solve_qp(one, [1.0], G=[[1.0]], **{"h": [1.0], name: given})
+    with pytest.raises(pinc.InputError, match="q: NaN"):
+        solve_qp(one, [np.nan])
+    with pytest.raises(pinc.InputError, match="P: NaN"):
+        solve_qp([[np.nan]], [1.0])
