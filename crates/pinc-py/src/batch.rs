@@ -25,7 +25,7 @@ pub(crate) struct NmpcBatch {
 
 #[doc = doc!("StepBatch")]
 #[pyclass(module = "pinc_nmpc", frozen, get_all)]
-#[derive(Debug)]
+#[derive(Debug, FromPyObject)]
 pub(crate) struct StepBatch {
     #[doc = doc!("StepBatch.u")]
     u: Py<PyArrayDyn<f64>>,
@@ -41,7 +41,7 @@ pub(crate) struct StepBatch {
 
 #[doc = doc!("GradientBatch")]
 #[pyclass(module = "pinc_nmpc", frozen, get_all)]
-#[derive(Debug)]
+#[derive(Debug, FromPyObject)]
 pub(crate) struct GradientBatch {
     #[doc = doc!("GradientBatch.steps")]
     steps: Py<StepBatch>,
@@ -53,7 +53,7 @@ pub(crate) struct GradientBatch {
 
 #[doc = doc!("LoopBatch")]
 #[pyclass(module = "pinc_nmpc", frozen, get_all)]
-#[derive(Debug)]
+#[derive(Debug, FromPyObject)]
 pub(crate) struct LoopBatch {
     #[doc = doc!("LoopBatch.states")]
     states: Py<PyArrayDyn<f64>>,

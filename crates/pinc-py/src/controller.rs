@@ -89,7 +89,7 @@ impl Nmpc {
 
 #[doc = doc!("ControlStep")]
 #[pyclass(module = "pinc_nmpc", frozen, get_all)]
-#[derive(Debug)]
+#[derive(Debug, FromPyObject)]
 pub(crate) struct ControlStep {
     #[doc = doc!("ControlStep.u")]
     u: Py<PyArrayDyn<f64>>,

@@ -19,7 +19,7 @@ pub(crate) struct Estimator {
 
 #[doc = doc!("Correction")]
 #[pyclass(module = "pinc_nmpc", frozen, get_all)]
-#[derive(Debug)]
+#[derive(Debug, FromPyObject)]
 pub(crate) struct Correction {
     #[doc = doc!("Correction.status")]
     status: String,

@@ -9,7 +9,7 @@ use pyo3::types::PyDict;
 
 #[doc = doc!("PlanGradient")]
 #[pyclass(module = "pinc_nmpc", frozen, get_all)]
-#[derive(Debug)]
+#[derive(Debug, FromPyObject)]
 pub(crate) struct PlanGradient {
     #[doc = doc!("PlanGradient.regularity")]
     regularity: String,
@@ -19,7 +19,7 @@ pub(crate) struct PlanGradient {
 
 #[doc = doc!("PlanChange")]
 #[pyclass(module = "pinc_nmpc", frozen, get_all)]
-#[derive(Debug)]
+#[derive(Debug, FromPyObject)]
 pub(crate) struct PlanChange {
     #[doc = doc!("PlanChange.regularity")]
     regularity: String,

@@ -19,6 +19,7 @@ mod gradient;
 mod model;
 mod plant;
 mod qp;
+mod results;
 mod training;
 mod work;
 
@@ -47,6 +48,8 @@ mod native {
     use crate::plant::{IntegratorModel, Plant, restore_integrator, restore_plant};
     #[pymodule_export]
     use crate::qp::solve_dense_qp;
+    #[pymodule_export]
+    use crate::results::restore_result;
     #[pymodule_export]
     use crate::training::{Trained, TrainingProgress, train};
 }

@@ -9,7 +9,7 @@ use std::ops::ControlFlow;
 
 #[doc = doc!("TrainingProgress")]
 #[pyclass(module = "pinc_nmpc", frozen, get_all)]
-#[derive(Debug)]
+#[derive(Debug, FromPyObject)]
 pub(crate) struct TrainingProgress {
     #[doc = doc!("TrainingProgress.iteration")]
     iteration: u64,
@@ -34,7 +34,7 @@ impl TrainingProgress {
 
 #[doc = doc!("Trained")]
 #[pyclass(module = "pinc_nmpc", frozen, get_all)]
-#[derive(Debug)]
+#[derive(Debug, FromPyObject)]
 pub(crate) struct Trained {
     #[doc = doc!("Trained.model")]
     model: Py<Model>,

@@ -60,6 +60,7 @@ from ._native import (
     resolved,
     train,
 )
+from ._pickles import register as _register
 from ._results import (
     Certificate,
     Choice,
@@ -76,6 +77,7 @@ from ._stop import STOP
 from ._trace import expression
 
 __version__ = _version("pinc-nmpc")
+_register()
 
 __all__ = [
     "STOP",

@@ -10,5 +10,8 @@ class Stop:
     def __repr__(self) -> str:
         return "pinc.STOP"
 
+    def __reduce__(self) -> str:
+        return "STOP"
+
 
 STOP: Final = Stop()
