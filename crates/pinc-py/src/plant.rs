@@ -16,6 +16,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 const TOLERANCE: f64 = 1e-10;
 
 #[doc = doc!("Plant")]
+#[expect(clippy::doc_markdown, reason = "a docstring of Python, which ends a line with two colons")]
 #[pyclass(module = "pinc_nmpc", frozen)]
 #[derive(Debug)]
 pub(crate) struct Plant {
