@@ -109,7 +109,7 @@ pub(crate) fn runge_kutta_core(
         .set("VALUES", values(&listing, nx, "dx"))
         .set("JACOBIAN", &jacobian.body)
         .set("SLOPES", slopes(&jacobian.entries, nx))
-        .set("UNITS", units(nx, nu + names.len()));
+        .set("UNITS", units(&jacobian.entries, nx));
     open.set(&mut t);
     let file = |suffix: &str| format!("{stem}.{suffix}");
     Ok(vec![
@@ -143,8 +143,18 @@ fn slopes(entries: &[Vec<bool>], nx: usize) -> String {
     text
 }
 
-/// The tangents of the arguments: unit vectors, without the zeros at their ends.
-fn units(nx: usize, arguments: usize) -> String {
+/// The tangents of the arguments: unit vectors, without the zeros at their ends. None if no argument has
+/// an effect, since compilers warn of a table that nothing reads.
+fn units(entries: &[Vec<bool>], nx: usize) -> String {
+    let arguments = entries.first().map_or(0, |row| row.len() - nx);
+    if !entries.iter().any(|row| row[nx..].contains(&true)) {
+        return String::new();
+    }
     let row = |k: usize| format!("    {{{}PINC_N(1)}},\n", "PINC_N(0), ".repeat(nx + k));
-    (0..arguments).map(row).collect()
+    let rows: String = (0..arguments).map(row).collect();
+    format!(
+        "/* The tangents of the arguments u: unit vectors. */\n\
+         static const PINC_REAL pinc_units[{arguments}][PINC_ROW * PINC_LANES] = {{\n{rows}}};\n\
+         #define PINC_UNIT(k, v) (*(const pinc_loose *)(pinc_units[k] + ((v) * PINC_LANES)))\n\n"
+    )
 }

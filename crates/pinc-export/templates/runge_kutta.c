@@ -82,12 +82,7 @@ void pinc_@RK@_step(const PINC_REAL x[PINC_NX], const PINC_REAL u[@WIDTH@], PINC
     }
 }
 
-/* The tangents of the arguments u: unit vectors. */
-static const PINC_REAL pinc_units[@WIDTH@][PINC_ROW * PINC_LANES] = {
-@UNITS@};
-#define PINC_UNIT(k, v) (*(const pinc_loose *)(pinc_units[k] + ((v) * PINC_LANES)))
-
-/* slope = F (stage, units), of tangents. */
+@UNITS@/* slope = F (stage, units), of tangents. */
 static void pinc_slopes(PINC_REAL f[PINC_NX][PINC_TANGENTS], const pinc_vector *stage,
                         pinc_vector *slope)
 {

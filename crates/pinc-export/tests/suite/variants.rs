@@ -16,6 +16,18 @@ fn controllers_with_rk5_take_the_librarys_steps() {
     assert!(seen[0] > 100, "{seen:?}");
 }
 
+/// Inputs without an effect leave no table behind that nothing reads, which compilers warn of.
+#[test]
+fn an_input_without_effect_is_exported_cleanly() {
+    let equations = equations(
+        r#"{"states": [{"name": "x1"}, {"name": "x2"}], "inputs": [{"name": "u"}],
+            "derivatives": {"x1": "x2", "x2": "-x1 - x2^3"}}"#,
+    );
+    let source = Source::runge_kutta(equations, Integrator::Rk4, 2);
+    let printed = Case { source, ..oscillator_case() }.sources().assert_portable("ctl");
+    assert!(printed.contains("20 steps"), "{printed}");
+}
+
 /// The oscillator in other units: x1 and u in thousandths, x2 in units of 4096.
 pub(crate) fn in_odd_units() -> Case {
     let equations = equations(
