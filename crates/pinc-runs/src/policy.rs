@@ -19,7 +19,8 @@ pub struct PolicyFile {
     net: PolicyNet,
 }
 
-/// The controller in whose place a net was trained, as far as its inputs and outputs mean the same.
+/// The controller in whose place a net was trained, as far as its inputs and outputs and what it minimizes
+/// are the same.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Controller {
@@ -29,13 +30,20 @@ struct Controller {
     step_s: f64,
     nu: usize,
     model: ModelKind,
+    /// Weights, horizon, bounds and parameters, as JSON text.
+    problem: String,
 }
 
 impl Controller {
     fn of((spec, variables): (&ControlSpec, &Variables), step_s: f64, model: ModelKind) -> Self {
         let (states, inputs) = (variables.state_names(), variables.input_names());
         let controlled = spec.controlled.clone();
-        Self { states, inputs, controlled, step_s, nu: spec.nu, model }
+        let weights = (spec.n2, &spec.q, &spec.r, &spec.q_terminal);
+        let of_inputs =
+            (&spec.input_low, &spec.input_high, &spec.increment_low, &spec.increment_high);
+        let problem =
+            json(&(weights, of_inputs, &spec.state_low, &spec.state_high, &spec.parameters));
+        Self { states, inputs, controlled, step_s, nu: spec.nu, model, problem }
     }
 }
 
