@@ -21,14 +21,8 @@ pub(super) fn uncertainty(
     intervals(experiment, control, spec)?;
     let tightenings = format!("{SECTION}.tightenings");
     at_least_one(&tightenings, spec.tightenings)?;
-    if spec.tightenings > 1 {
-        alone(
-            &tightenings,
-            spec.tightenings,
-            "number",
-            &[("sqp.real_time", control.sqp.real_time)],
-        )?;
-    }
+    let others = [("sqp.real_time", control.sqp.real_time && spec.tightenings > 1)];
+    alone(&tightenings, spec.tightenings, "number", &others)?;
     if let FeedbackSpec::Matrix(rows) = &spec.feedback {
         let key = format!("{SECTION}.feedback");
         let inputs = variables.inputs.len();
