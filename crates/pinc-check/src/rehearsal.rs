@@ -65,39 +65,48 @@ pub(crate) fn examine(subject: &Subject<'_>) -> Vec<Finding> {
     ]
 }
 
-/// What does not reach its references, of which no other finding says why.
-fn missed(subject: &Subject<'_>, control: &ControlSpec, rehearsal: &Rehearsal) -> Vec<Finding> {
+/// What does not reach its references, of which no other finding says why: the quantity that ends
+/// farthest off.
+fn missed(subject: &Subject<'_>, control: &ControlSpec, rehearsal: &Rehearsal) -> Option<Finding> {
     let of = &rehearsal.references;
     let counts = |segment: usize| {
         let is_whole = rehearsal.left_out == 0 || segment + 1 < of.reference_start_s.len();
-        is_whole
-            && of
-                .reference_start_s
-                .get(segment)
-                .is_some_and(|start_s| is_held(subject, control, *start_s))
+        let start_s = of.reference_start_s.get(segment);
+        is_whole && start_s.is_some_and(|start_s| is_held(subject, control, *start_s))
     };
     let time_unit = subject.experiment.time_unit;
-    let finding = |quantity: &String| {
+    let missed = control.controlled.iter().filter_map(|quantity| {
         let (_, offset, what) = of.not_reached(quantity, time_unit, counts)?;
-        let (model, what) = (rehearsal.model.title(), what.trim_end_matches('.'));
-        let what = format!("in the closed loop with {model} {what}");
-        if offset < FAR * of.settled_within.get(quantity)? {
-            return Some(Finding::fact("control", what));
-        }
-        Some(
-            Finding::warning("control", what)
-                .because(
-                    "the model is the plant's own equation, and all states are known: another model \
-                     does no better",
-                )
-                .change(
-                    "more time between references, other weights, a longer horizon, preview = false, \
-                     bounds that leave the inputs room, or control.first_plan where plans end in a \
-                     local minimum",
-                ),
-        )
+        Some((offset / of.settled_within.get(quantity)?, what))
+    });
+    let missed: Vec<(f64, String)> = missed.collect();
+    let (far, what) = missed.iter().max_by(|a, b| a.0.total_cmp(&b.0))?;
+    let what = in_the_loop(rehearsal, what, missed.len());
+    if *far < FAR {
+        return Some(Finding::fact("control", what));
+    }
+    Some(
+        Finding::warning("control", what)
+            .because(
+                "the model is the plant's own equation, and all states are known: another model \
+                 does no better",
+            )
+            .change(
+                "more time between references, other weights, a longer horizon, preview = false, \
+                 bounds that leave the inputs room, or control.first_plan where plans end in a \
+                 local minimum",
+            ),
+    )
+}
+
+/// What is said of the worst of so many quantities.
+fn in_the_loop(rehearsal: &Rehearsal, what: &str, quantities: usize) -> String {
+    let (model, what) = (rehearsal.model.title(), what.trim_end_matches('.'));
+    let others = match quantities - 1 {
+        0 => String::new(),
+        others => format!(" (and so for {others} more)"),
     };
-    control.controlled.iter().filter_map(finding).collect()
+    format!("in the closed loop with {model} {what}{others}")
 }
 
 /// Whether the reference at a time can be held within the bounds, as far as is known.
@@ -109,18 +118,15 @@ fn is_held(subject: &Subject<'_>, control: &ControlSpec, time_s: f64) -> bool {
     held.all(|held| held.kept.is_some() || matches!(held.point, HeldPoint::Within(_)))
 }
 
-/// Hard bounds that the plant broke.
-fn broken(subject: &Subject<'_>, rehearsal: &Rehearsal) -> Vec<Finding> {
-    let broken = rehearsal.violations.iter().filter(|violation| violation.is_noteworthy());
-    let finding = |violation: &pinc_record::ViolationMetrics| {
-        let (what, advice) = violation.note(subject.experiment.time_unit);
-        let what = what.trim_end_matches('.');
-        Finding::warning(
-            "control",
-            format!("in the closed loop with {} {what}", rehearsal.model.title()),
-        )
-        .because("bounds are kept as far as plans see them")
-        .change(advice.trim_end_matches('.'))
-    };
-    broken.map(finding).collect()
+/// Hard bounds that the plant broke: the one that was broken by the largest share.
+fn broken(subject: &Subject<'_>, rehearsal: &Rehearsal) -> Option<Finding> {
+    let broken: Vec<_> =
+        rehearsal.violations.iter().filter(|violation| violation.is_noteworthy()).collect();
+    let worst = broken.iter().max_by(|a, b| a.share.total_cmp(&b.share))?;
+    let (what, advice) = worst.note(subject.experiment.time_unit);
+    Some(
+        Finding::warning("control", in_the_loop(rehearsal, &what, broken.len()))
+            .because("bounds are kept as far as plans see them")
+            .change(advice.trim_end_matches('.')),
+    )
 }
