@@ -6,8 +6,10 @@ use pinc_analysis::HeldPoint;
 use pinc_config::ControlSpec;
 use pinc_record::{advice, is_failure};
 
-/// An offset so many times as large as where a quantity counts as settled is more than slow.
+/// An offset is more than slow if it is so many times as large as where a quantity counts as settled, and of
+/// a state at least this part of the region.
 const FAR: f64 = 10.0;
+const VISIBLE: f64 = 0.05;
 
 pub(crate) fn examine(subject: &Subject<'_>) -> Vec<Finding> {
     let (Some(control), Some(rehearsal)) =
@@ -75,14 +77,17 @@ fn missed(subject: &Subject<'_>, control: &ControlSpec, rehearsal: &Rehearsal) -
         is_whole && start_s.is_some_and(|start_s| is_held(subject, control, *start_s))
     };
     let time_unit = subject.experiment.time_unit;
+    let states = subject.plant.states();
     let missed = control.controlled.iter().filter_map(|quantity| {
         let (_, offset, what) = of.not_reached(quantity, time_unit, counts)?;
-        Some((offset / of.settled_within.get(quantity)?, what))
+        let place = states.iter().position(|state| state.name == *quantity);
+        let visible = place.map_or(0.0, |i| VISIBLE * subject.region.width(i));
+        Some((offset / (FAR * of.settled_within.get(quantity)?).max(visible), what))
     });
     let missed: Vec<(f64, String)> = missed.collect();
     let (far, what) = missed.iter().max_by(|a, b| a.0.total_cmp(&b.0))?;
     let what = in_the_loop(rehearsal, what, missed.len());
-    if *far < FAR {
+    if *far < 1.0 {
         return Some(Finding::fact("control", what));
     }
     Some(

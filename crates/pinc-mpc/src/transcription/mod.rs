@@ -503,19 +503,6 @@ impl Transcription {
         admit_given(qp);
     }
 
-    /// Writes the limits of outputs anew into a program that is linearized already.
-    pub(crate) fn renew_output_limits(&self, qp: &mut Qp) {
-        let (dims, Some(outputs)) = (self.dims, &self.outputs) else { return };
-        for j in dims.constrained() {
-            let (_, rows) = split_rows(dims, j);
-            for (row, of @ (output, end)) in rows.zip(self.output_rows.iter()) {
-                let (y, unit) = (outputs.at(end).y(j)[output], self.units.row(row));
-                let limits = output_limits(&self.output_bounds, dims, j, of);
-                [qp.rows.low[row], qp.rows.high[row]] = limits.map(|limit| (limit - y) / unit);
-            }
-        }
-    }
-
     /// Moves the measured state of a program that is linearized for a plant at `prepared` to `x0`.
     pub(crate) fn move_measured(&self, [x0, prepared]: [&[f64]; 2], qp: &mut Qp) {
         let (n, units) = (self.dims.nx, &self.units.x);

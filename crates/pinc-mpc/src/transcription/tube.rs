@@ -1,8 +1,9 @@
 //! Bounds that a tube tightens.
 
-use super::Transcription;
+use super::{Transcription, output_limits, split_rows};
 use crate::horizon::Horizon;
 use crate::outputs::Outputs;
+use pinc_qp::Qp;
 use pinc_tube::{Tightened, Tightening, Tube};
 
 impl Transcription {
@@ -66,6 +67,19 @@ impl Transcription {
         let bounds = [&mut self.bounds, ends, starts];
         tightening.tighten(along, bounds.map(|of| [&mut of.low[..], &mut of.high]));
         true
+    }
+
+    /// Writes the limits of outputs anew into a program that is linearized already.
+    pub(crate) fn renew_output_limits(&self, qp: &mut Qp) {
+        let (dims, Some(outputs)) = (self.dims, &self.outputs) else { return };
+        for j in dims.constrained() {
+            let (_, rows) = split_rows(dims, j);
+            for (row, of @ (output, end)) in rows.zip(self.output_rows.iter()) {
+                let (y, unit) = (outputs.at(end).y(j)[output], self.units.row(row));
+                let limits = output_limits(&self.output_bounds, dims, j, of);
+                [qp.rows.low[row], qp.rows.high[row]] = limits.map(|limit| (limit - y) / unit);
+            }
+        }
     }
 
     /// What became of the bounds, for a plan `z` that the outputs are of.
