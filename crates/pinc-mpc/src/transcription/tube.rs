@@ -70,6 +70,7 @@ impl Transcription {
     }
 
     /// Writes the limits of outputs anew into a program that is linearized already.
+    #[inline(never)]
     pub(crate) fn renew_output_limits(&self, qp: &mut Qp) {
         let (dims, Some(outputs)) = (self.dims, &self.outputs) else { return };
         for j in dims.constrained() {
