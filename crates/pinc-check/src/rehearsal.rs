@@ -82,16 +82,13 @@ fn missed(subject: &Subject<'_>, control: &ControlSpec, rehearsal: &Rehearsal) -
         let (_, offset, what) = of.not_reached(quantity, time_unit, counts)?;
         let place = states.iter().position(|state| state.name == *quantity);
         let visible = place.map_or(0.0, |i| VISIBLE * subject.region.width(i));
-        Some((offset / (FAR * of.settled_within.get(quantity)?).max(visible), what))
+        let far = offset / (FAR * of.settled_within.get(quantity)?).max(visible);
+        (far >= 1.0).then_some((far, what))
     });
     let missed: Vec<(f64, String)> = missed.collect();
-    let (far, what) = missed.iter().max_by(|a, b| a.0.total_cmp(&b.0))?;
-    let what = in_the_loop(rehearsal, what, missed.len());
-    if *far < 1.0 {
-        return Some(Finding::fact("control", what));
-    }
+    let (_, what) = missed.iter().max_by(|a, b| a.0.total_cmp(&b.0))?;
     Some(
-        Finding::warning("control", what)
+        Finding::warning("control", in_the_loop(rehearsal, what, missed.len()))
             .because(
                 "the model is the plant's own equation, and all states are known: another model \
                  does no better",

@@ -22,7 +22,7 @@ fn an_array_is_one_line() {
     assert!(said.contains("20 states: T[1..20] (degC); 1 input: P (W)"), "{said}");
     let held = "T[4] = 120 is held at T[1..20] = 55.40";
     assert!(said.contains(held), "{said}");
-    assert!(rod.len() <= 21, "{said}");
+    assert!(rod.len() <= 20, "{said}");
     // Bounds, domain and start of a whole array in one finding each.
     let sets = ["control.duration_s=50", "control.state_low=[130.0]", "control.state_high=[260.0]"];
     let said = text(&findings("distributed/rod.toml", &sets));
