@@ -392,7 +392,6 @@ fn names_and_units_have_no_control_characters() {
     assert!(error.contains("`control.plant.expression.inputs[0].unit`"), "{error}");
 }
 
-/// A number that is none is refused with the file's line and its key, before a loop begins with it.
 /// From 9.5 a move of at most .1 does not lead below 4.45, nor one from 0, where none is given, above 1.
 #[test]
 fn bounded_moves_lead_from_the_initial_input_to_its_bounds() {
@@ -415,6 +414,7 @@ fn a_number_is_no_word() {
     assert!(set.contains(said), "{set}");
 }
 
+/// A number that is none is refused with the file's line and its key, before a loop begins with it.
 #[test]
 fn an_initial_input_is_finite() {
     for (value, said) in [("nan", "NaN"), ("inf", "inf"), ("-inf", "-inf")] {

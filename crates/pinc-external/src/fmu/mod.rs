@@ -129,6 +129,12 @@ impl Fmu {
             }
         })
     }
+
+    /// Moves the states on by a duration in s, so many times in one run.
+    fn move_on(&self, x: &mut [f64], u: &[f64], (t, times): (f64, u32)) -> Result<(), OdeError> {
+        let job = Job { x: x.to_vec(), u: u.to_vec(), wanted: Wanted::States(t, times) };
+        self.ask(job).map(|next| x.copy_from_slice(&next))
+    }
 }
 
 impl Flow for Fmu {
@@ -150,8 +156,7 @@ impl Flow for Fmu {
     }
 
     fn advance(&self, x: &mut [f64], u: &[f64], duration_s: f64) -> Result<(), OdeError> {
-        let job = Job { x: x.to_vec(), u: u.to_vec(), wanted: Wanted::States(duration_s, 1) };
-        self.ask(job).map(|next| x.copy_from_slice(&next))
+        self.move_on(x, u, (duration_s, 1))
     }
 
     fn advance_in_one_run(
@@ -161,8 +166,7 @@ impl Flow for Fmu {
         duration_s: f64,
         times: u32,
     ) -> Option<Result<(), OdeError>> {
-        let job = Job { x: x.to_vec(), u: u.to_vec(), wanted: Wanted::States(duration_s, times) };
-        Some(self.ask(job).map(|next| x.copy_from_slice(&next)))
+        Some(self.move_on(x, u, (duration_s, times)))
     }
 
     fn outputs(&self, x: &[f64], u: &[f64], y: &mut [f64]) -> Result<(), OdeError> {
