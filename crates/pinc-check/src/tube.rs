@@ -2,8 +2,7 @@
 
 use crate::{Finding, Rehearsal, Subject, estimation::marks, short};
 use pinc_config::{
-    ControlSpec, DisturbanceSpec, EstimatorSpec, LoopParameters, NetErrorSpec, TubeParts,
-    UncertaintySpec, Variables,
+    ControlSpec, LoopParameters, NetErrorSpec, TubeParts, UncertaintySpec, Variables,
 };
 use pinc_mpc::NmpcProblem;
 use pinc_ode::{DynPlant, Integrator, LinearizationBuffer, Stages, Variable};
@@ -49,16 +48,6 @@ pub(crate) fn examine(subject: &Subject<'_>) -> Vec<Finding> {
         what.push_str(&format!("; not counted here: {}", left_out.join(", ")));
     }
     let mut findings = vec![Finding::fact(SECTION, what)];
-    let estimates =
-        |of: &EstimatorSpec| of.disturbance != DisturbanceSpec::None || !of.parameters.is_empty();
-    if spec.estimate && control.estimator.as_ref().is_some_and(estimates) {
-        let what = "estimate = true counts the covariance of the states, not that of disturbances and \
-                    parameters, which the estimator finds too";
-        let finding = Finding::warning(SECTION, what)
-            .because("what is not known of these moves the plant away from its plan as well")
-            .change("boxes or process_sd as large as their part in a step, or an interval of a parameter");
-        findings.push(finding);
-    }
     if !unlimited.is_empty() {
         let names: Vec<_> = unlimited.iter().map(|bound| &*bound.variable.name).collect();
         let what = format!("deviations of {} from a plan have no limit", names.join(", "));

@@ -28,7 +28,7 @@ pub struct UncertaintySpec {
     /// `identify.json`, whose intervals of 95 % are taken.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub parameters: BTreeMap<String, [f64; 2]>,
-    /// Whether the covariance of the estimated state counts.
+    /// Whether the covariance of what the estimator estimates counts.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub estimate: bool,
     /// Whether the error of the net counts: `true` takes its estimate as the limit in each stage,

@@ -103,7 +103,9 @@ impl OutputFeedback {
     /// The normalized error squared at the true state `x`.
     fn nees(&mut self, x: &[f64]) -> f64 {
         let n = x.len();
-        state_covariance(&*self.estimator, n, &mut self.covariance);
+        let rows = self.estimator.covariance().chunks_exact(self.estimator.dims().nx);
+        self.covariance.clear();
+        rows.take(n).for_each(|row| self.covariance.extend(&row[..n]));
         self.root.resize(n * n, 0.0);
         self.error.clear();
         self.error.extend(self.estimator.estimate().iter().zip(x).map(|(z, x)| z - x));
@@ -120,13 +122,6 @@ impl OutputFeedback {
     }
 }
 
-/// Writes the covariance of the first `n` quantities that an estimator estimates: of the state.
-pub fn state_covariance(estimator: &dyn Estimator, n: usize, covariance: &mut Vec<f64>) {
-    let rows = estimator.covariance().chunks_exact(estimator.dims().nx).take(n);
-    covariance.clear();
-    rows.for_each(|row| covariance.extend(&row[..n]));
-}
-
 impl Observer for OutputFeedback {
     fn observe(&mut self, plant: PlantNow<'_>, x: &mut [f64], parameters: &mut [f64]) {
         self.measure(plant);
@@ -139,7 +134,7 @@ impl Observer for OutputFeedback {
     }
 
     fn covariance(&self) -> Option<&[f64]> {
-        Some(&self.covariance)
+        Some(self.estimator.covariance())
     }
 
     fn advance(&mut self, u: &[f64]) {

@@ -36,7 +36,7 @@ pub use disturbed::Augmentation;
 pub use ekf::Ekf;
 pub use error::EstimateError;
 pub use estimator::{Correction, Estimator, EstimatorStatus, Tuning};
-pub use feedback::{History, OutputFeedback, state_covariance};
+pub use feedback::{History, OutputFeedback};
 pub use gate::Gate;
 pub use mhe::Mhe;
 pub use target::SteadyTarget;

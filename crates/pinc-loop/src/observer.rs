@@ -13,7 +13,8 @@ pub trait Observer: Debug {
     /// `x`: as the model's states; `parameters`: as its parameters.
     fn observe(&mut self, plant: PlantNow<'_>, x: &mut [f64], parameters: &mut [f64]);
 
-    /// The covariance of the state that was given last, `[n, n]`, where it is known.
+    /// The covariance of the state and parameters that were given last, `[n + np, n + np]`, where it is
+    /// known.
     fn covariance(&self) -> Option<&[f64]> {
         None
     }

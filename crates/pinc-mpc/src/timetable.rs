@@ -300,8 +300,8 @@ impl Nmpc {
         Some(stages)
     }
 
-    /// Tells the tube, if there is one, how uncertain the state of the next step is: its covariance,
-    /// `[n, n]`.
+    /// Tells the tube, if there is one, how uncertain the state of the next step and the parameters of
+    /// the model are: their covariance, `[n + np, n + np]`.
     pub fn set_covariance(&mut self, covariance: &[f64]) {
         if let Some(tube) = self.sqp.transcription.tube() {
             tube.set_covariance(covariance);

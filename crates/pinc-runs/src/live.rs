@@ -8,7 +8,7 @@ use super::{LoopSetup, feedback};
 use crate::RunError;
 use crate::clock::Deadline;
 use pinc_config::{ControlSpec, Experiment, ModelKind, Variables, sha256};
-use pinc_estimate::{Augmentation, Estimator, EstimatorStatus, SteadyTarget, state_covariance};
+use pinc_estimate::{Augmentation, Estimator, EstimatorStatus, SteadyTarget};
 use pinc_mpc::{BoundSchedule, Memory, Nmpc, Reference, Solution, SqpStatus, Trust};
 use pinc_ode::DynPlant;
 use pinc_record::{ModelErrorMetrics, OutsideDomain};
@@ -62,8 +62,6 @@ struct LiveEstimator {
     /// The disturbances and parameters.
     unknowns: Vec<f64>,
     status: EstimatorStatus,
-    /// The covariance of the state.
-    covariance: Vec<f64>,
 }
 
 /// The reference of a step of a [`LiveController`].
@@ -360,8 +358,7 @@ impl LiveController {
         self.observe(y, u_applied);
         if let Some(observer) = &mut self.observer {
             self.nmpc.set_parameters(&observer.unknowns)?;
-            state_covariance(&*observer.estimator, self.x.len(), &mut observer.covariance);
-            self.nmpc.set_covariance(&observer.covariance);
+            self.nmpc.set_covariance(observer.estimator.covariance());
             if let Some(target) = &mut observer.target {
                 target.aim(&observer.unknowns, &mut self.window);
             }
@@ -519,7 +516,6 @@ impl LiveEstimator {
             measured: measurement.names(&variables),
             unknowns: vec![0.0; unknowns],
             status: EstimatorStatus::NothingMeasured,
-            covariance: Vec::new(),
         }))
     }
 }

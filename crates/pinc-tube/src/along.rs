@@ -9,7 +9,8 @@ pub trait Tube: Debug + Send {
     /// numbers by the plan. It allocates nothing.
     fn write(&mut self, along: AlongPlan<'_>, back_offs: &mut BackOffs);
 
-    /// Takes the covariance of the state that the next plan begins at, `[n, n]`.
+    /// Takes the covariance of the state that the next plan begins at and of the parameters of the
+    /// controller's model, `[n + np, n + np]`.
     fn set_covariance(&mut self, covariance: &[f64]);
 
     /// How many of the first quadratic programs of a step have bounds that are tightened anew. The

@@ -7,7 +7,7 @@ use crate::{
     AlongPlan, BackOffs, Feedback, Interval, Sources, Tube, TubeError, TubeModel, TubeUnits,
     normal_quantile,
 };
-use pinc_ode::{Dims, OutputLinearization, Stages};
+use pinc_ode::{Dims, LinearizationBuffer, OutputLinearization, Stages};
 
 /// A model's error that is no number, or larger, counts as so many units of its state.
 const MOST: f64 = 1e3;
@@ -18,13 +18,14 @@ const MOST: f64 = 1e3;
 /// deviations of a predicted state:
 ///
 /// ```text
-/// random    P <- M P M' + W         covariance, from the state's own and process_sd
+/// random    P <- L P L' + W         covariance, from the estimator's and process_sd
 /// bounded   E <- M E M' (+) boxes   an ellipsoid around all sums, from boxes and the model's error
 /// constant  g <- M g + dF           one direction per parameter, dF = F(.., end) - F(.., p)
 /// ```
 ///
 /// and a bound on h'x moves inwards by z sqrt(h'P h) + sqrt(h'E h) + the sum of |h'g|, z being the
-/// normal distribution's quantile. K is 0 at the first stage. (+) is the ellipsoid of least trace,
+/// normal distribution's quantile. Where parameters p of the controller's model are estimated, P is
+/// that of (x, p), of which p is constant: L = (M, dF/dp; 0, I). K is 0 at the first stage. (+) is the ellipsoid of least trace,
 /// in the tube's units, around the sum. What is quadratic in deviations is neglected.
 ///
 /// Reference: A. Zanelli, J. Frey, F. Messerer, M. Diehl, "Zero-order robust nonlinear model
@@ -43,7 +44,9 @@ pub struct EllipsoidTube {
     programs: usize,
     /// z
     quantile: f64,
-    /// P at `x_0` .. `x_N`, `[N + 1, n, n]`.
+    /// How many parameters are estimated.
+    estimated: usize,
+    /// P at `x_0` .. `x_N`, `[N + 1, n + np, n + np]`, with the `np` estimated parameters.
     p: Vec<f64>,
     /// E, `[n, n]`.
     e: Vec<f64>,
@@ -64,7 +67,11 @@ enum IntervalEnd {
 struct Work {
     /// M, `[n, n]`.
     m: Vec<f64>,
-    /// M P, and M E M'.
+    /// L, `[n + np, n + np]`.
+    l: Vec<f64>,
+    /// The model at the stage; empty where no parameter is estimated.
+    by_p: Option<LinearizationBuffer>,
+    /// L P, and M E M'.
     products: [Vec<f64>; 2],
     /// The largest error in the stage.
     boxes: Vec<f64>,
@@ -75,8 +82,8 @@ struct Work {
     x: Vec<f64>,
     /// y, C, D and dh/dp.
     outputs: [Vec<f64>; 4],
-    /// D K, `[n]`.
-    through: Vec<f64>,
+    /// A row of the outputs' derivatives by (x, p).
+    row: Vec<f64>,
 }
 
 impl EllipsoidTube {
@@ -101,6 +108,8 @@ impl EllipsoidTube {
             length("feedback", gain.len(), dims.nu * dims.nx)?;
         }
         let (n, count) = (dims.nx, sources.parameters.len());
+        let estimated = if sources.estimate { dims.np } else { 0 };
+        let size = n + estimated;
         let zeros = |size: usize| vec![0.0; size];
         let of_model = model.as_ref().map_or(dims, |of| of.model.dims());
         let ny = of_model.ny;
@@ -109,19 +118,22 @@ impl EllipsoidTube {
             stages,
             gains: Gains::new(feedback, &units, stages),
             quantile: sources.probability.map_or(0.0, normal_quantile),
-            p: zeros((stages + 1) * n * n),
+            estimated,
+            p: zeros((stages + 1) * size * size),
             e: zeros(n * n),
             g: zeros(count * n),
             work: Work {
                 m: zeros(n * n),
-                products: [zeros(n * n), zeros(n * n)],
+                l: zeros(size * size),
+                by_p: (estimated > 0).then(|| LinearizationBuffer::new(of_model, 1)),
+                products: [zeros(size * size), zeros(n * n)],
                 boxes: zeros(n),
                 next: zeros(n),
                 ends: [zeros(n), zeros(n)],
                 p: zeros(of_model.np),
                 x: zeros(n),
                 outputs: [ny, ny * n, ny * dims.nu, ny * of_model.np].map(zeros),
-                through: zeros(n),
+                row: zeros(size),
             },
             sources,
             model,
@@ -144,7 +156,8 @@ impl EllipsoidTube {
         Self { programs, ..self }
     }
 
-    /// The covariances of the states `x_0` .. `x_N` of the last plan, `[N + 1, n, n]`.
+    /// The covariances of the states `x_0` .. `x_N` of the last plan, each with the `np` parameters
+    /// of the controller's model if the estimator's covariance counts: `[N + 1, n + np, n + np]`.
     #[must_use]
     pub fn covariances(&self) -> &[f64] {
         &self.p
@@ -156,28 +169,41 @@ impl EllipsoidTube {
         &self.gains.k
     }
 
-    /// How far h'x can be from the plan at `x_j`, of which the bounded and constant deviations are the
-    /// present ones.
+    /// How far h'(x, p) can be from the plan at `x_j`, of which the bounded and constant deviations are
+    /// the present ones.
     fn width(&self, h: &[f64], j: usize) -> f64 {
-        let n = h.len();
-        let random = quadratic(h, &self.p[j * n * n..(j + 1) * n * n]).max(0.0).sqrt();
-        let bounded = quadratic(h, &self.e).max(0.0).sqrt();
-        let constant: f64 = self.g.chunks_exact(n).map(|g| dot(h, g).abs()).sum();
+        let (n, size) = (self.dims.nx, h.len());
+        let random = quadratic(h, &self.p[j * size * size..(j + 1) * size * size]).max(0.0).sqrt();
+        let by_x = &h[..n];
+        let bounded = quadratic(by_x, &self.e).max(0.0).sqrt();
+        let constant: f64 = self.g.chunks_exact(n).map(|g| dot(by_x, g).abs()).sum();
         self.quantile * random + bounded + constant
     }
 
     /// [`EllipsoidTube::width`] of a state.
     fn width_of_state(&self, i: usize, j: usize) -> f64 {
-        let (n, at) = (self.dims.nx, i * (self.dims.nx + 1));
-        let random = self.p[j * n * n + at].max(0.0).sqrt();
+        let (n, size) = (self.dims.nx, self.dims.nx + self.estimated);
+        let random = self.p[j * size * size + i * (size + 1)].max(0.0).sqrt();
         let constant: f64 = self.g.iter().skip(i).step_by(n).map(|g| g.abs()).sum();
-        self.quantile * random + self.e[at].max(0.0).sqrt() + constant
+        self.quantile * random + self.e[i * (n + 1)].max(0.0).sqrt() + constant
+    }
+
+    /// [`EllipsoidTube::width`] of what the feedback asks of an input in stage `j`.
+    fn width_of_input(&mut self, i: usize, j: usize) -> f64 {
+        let n = self.dims.nx;
+        let mut row = std::mem::take(&mut self.work.row);
+        let (by_x, by_p) = row.split_at_mut(n);
+        by_x.copy_from_slice(&self.gains.stage(j)[i * n..(i + 1) * n]);
+        by_p.fill(0.0);
+        let width = self.width(&row, j);
+        self.work.row = row;
+        width
     }
 
     /// Deviations at the end of stage `j` from those at its beginning.
     fn propagate(&mut self, j: usize, at: Stages<'_>, [a, b]: [&[f64]; 2]) {
         let Dims { nx: n, nu, .. } = self.dims;
-        let Work { m, products: [mp, mem], .. } = &mut self.work;
+        let m = &mut self.work.m;
         m.copy_from_slice(a);
         let k = self.gains.stage(j);
         for (m, b) in m.chunks_exact_mut(n).zip(b.chunks_exact(nu)) {
@@ -185,19 +211,38 @@ impl EllipsoidTube {
                 m.iter_mut().zip(k).for_each(|(m, k)| *m += b * k);
             }
         }
-        let (before, after) = self.p.split_at_mut((j + 1) * n * n);
-        let after = &mut after[..n * n];
-        congruence(m, &before[j * n * n..], n, mp, after);
+        self.write_l(at);
+        let size = n + self.estimated;
+        let Work { m, l, products: [lp, mem], .. } = &mut self.work;
+        let (before, after) = self.p.split_at_mut((j + 1) * size * size);
+        let after = &mut after[..size * size];
+        congruence(l, &before[j * size * size..], size, lp, after);
         for (i, sd) in self.sources.process_sd.iter().enumerate() {
-            after[i * (n + 1)] += sd * sd;
+            after[i * (size + 1)] += sd * sd;
         }
         if !self.sources.boxes.is_empty() || self.sources.error.is_some() {
-            congruence(m, &self.e, n, mp, mem);
+            congruence(m, &self.e, n, &mut lp[..n * n], mem);
             self.add_boxes(at);
         }
         if !self.sources.parameters.is_empty() {
             self.add_parameters(at);
         }
+    }
+
+    /// Writes L = (M, dF/dp; 0, I), of which p are the estimated parameters.
+    fn write_l(&mut self, at: Stages<'_>) {
+        let (n, size) = (self.dims.nx, self.dims.nx + self.estimated);
+        let Work { m, l, by_p, p, .. } = &mut self.work;
+        for (l, m) in l.chunks_exact_mut(size).zip(m.chunks_exact(n)) {
+            l[..n].copy_from_slice(m);
+        }
+        let (Some(by_p), Some(TubeModel { model, more })) = (by_p, &mut self.model) else { return };
+        write_parameters(at.p, more, p);
+        model.linearize(Stages { p, ..at }, by_p.as_mut());
+        for (l, e) in l.chunks_exact_mut(size).zip(by_p.e.chunks_exact(p.len())) {
+            l[n..].copy_from_slice(&e[..size - n]);
+        }
+        l[n * size..].iter_mut().skip(n).step_by(size + 1).for_each(|diagonal| *diagonal = 1.0);
     }
 
     /// The sum of M E M' and the segments of the boxes: (sum of s) (sum of Q/s) with s the roots of
@@ -280,30 +325,45 @@ impl EllipsoidTube {
     }
 
     /// Linearizes the outputs at an end of stage `j`, and writes how far they may be from the plan for
-    /// what is known at its start: there (C + D K) times the state's deviation, at its end D K times it;
-    /// and what comes from the parameters directly.
+    /// what is known at its start: there (C + D K, E) times the deviation of (x, p), at its end D K
+    /// times that of x; and what comes from the intervals of parameters directly.
     fn begin_outputs(&mut self, j: usize, along: AlongPlan<'_>, end: IntervalEnd, to: &mut [f64]) {
         let Dims { nx: n, nu, .. } = self.dims;
         self.linearize_outputs(j, along, end);
-        let mut row = std::mem::take(&mut self.work.through);
+        let mut row = std::mem::take(&mut self.work.row);
         for (i, to) in to.iter_mut().enumerate() {
             let [_, c, d, _] = &self.work.outputs;
-            multiply(&d[i * nu..(i + 1) * nu], self.gains.stage(j), nu, n, &mut row);
+            let (by_x, by_p) = row.split_at_mut(n);
+            multiply(&d[i * nu..(i + 1) * nu], self.gains.stage(j), nu, n, by_x);
             match end {
                 IntervalEnd::Start => {
-                    row.iter_mut().zip(&c[i * n..(i + 1) * n]).for_each(|(row, c)| *row += c);
+                    by_x.iter_mut().zip(&c[i * n..(i + 1) * n]).for_each(|(row, c)| *row += c);
+                    by_p.copy_from_slice(self.output_by_p(i));
                 }
-                IntervalEnd::End => {}
+                IntervalEnd::End => by_p.fill(0.0),
             }
             *to = self.width(&row, j) + self.direct(i);
         }
-        self.work.through = row;
+        self.work.row = row;
     }
 
-    /// Adds what comes through the state.
-    fn end_outputs(&self, j: usize, to: &mut [f64]) {
-        let c = self.work.outputs[1].chunks_exact(self.dims.nx);
-        to.iter_mut().zip(c).for_each(|(to, c)| *to += self.width(c, j + 1));
+    /// Adds what comes through the state at the end of stage `j` and the estimated parameters.
+    fn end_outputs(&mut self, j: usize, to: &mut [f64]) {
+        let n = self.dims.nx;
+        let mut row = std::mem::take(&mut self.work.row);
+        for (i, to) in to.iter_mut().enumerate() {
+            let (by_x, by_p) = row.split_at_mut(n);
+            by_x.copy_from_slice(&self.work.outputs[1][i * n..(i + 1) * n]);
+            by_p.copy_from_slice(self.output_by_p(i));
+            *to += self.width(&row, j + 1);
+        }
+        self.work.row = row;
+    }
+
+    /// The derivatives of output `i` by the estimated parameters.
+    fn output_by_p(&self, i: usize) -> &[f64] {
+        let Work { p, outputs: [_, _, _, e], .. } = &self.work;
+        &e[i * p.len()..][..self.estimated]
     }
 }
 
@@ -323,9 +383,10 @@ impl Tube for EllipsoidTube {
         let last = back_offs.inputs.len() / m - 1;
         let ny = back_offs.outputs.len() / self.stages;
         for j in 0..self.stages {
-            for i in (0..m).filter(|_| self.tightens_inputs) {
+            let moved = if self.tightens_inputs { m } else { 0 };
+            for i in 0..moved {
                 // The last free input acts in all stages that are left.
-                let width = self.width(&self.gains.stage(j)[i * n..(i + 1) * n], j);
+                let width = self.width_of_input(i, j);
                 let to = &mut back_offs.inputs[j.min(last) * m + i];
                 *to = to.max(width);
             }
@@ -346,9 +407,8 @@ impl Tube for EllipsoidTube {
     }
 
     fn set_covariance(&mut self, covariance: &[f64]) {
-        let n = self.dims.nx;
         if self.sources.estimate {
-            self.p[..n * n].copy_from_slice(covariance);
+            self.p[..covariance.len()].copy_from_slice(covariance);
         }
     }
 

@@ -17,7 +17,8 @@ pub struct Sources {
     pub boxes: Vec<f64>,
     /// Parameters that are somewhere in an interval, and stay there over the horizon.
     pub parameters: Vec<Interval>,
-    /// Whether the covariance counts of the state that a plan begins at.
+    /// Whether the covariance counts of the state that a plan begins at, and of the parameters of the
+    /// controller's model, which stay as they are over the horizon.
     pub estimate: bool,
     /// The error of the model at each stage, bounded by its estimate.
     pub error: Option<Box<dyn StageError>>,
@@ -96,7 +97,8 @@ impl Sources {
             _ => {}
         }
         let Some(TubeModel { model, more }) = model else {
-            return if self.parameters.is_empty() { Ok(()) } else { Err(TubeError::NoModel) };
+            let is_needed = !self.parameters.is_empty() || self.estimate && dims.np > 0;
+            return if is_needed { Err(TubeError::NoModel) } else { Ok(()) };
         };
         length("the parameters of the tube's model", model.dims().np, dims.np + more.len())?;
         for &Interval { place, low, high } in &self.parameters {

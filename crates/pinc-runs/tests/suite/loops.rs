@@ -280,3 +280,62 @@ fn asking_for_the_state_changes_no_input() {
         }
     }
 }
+
+/// A tank of unknown gain, to be filled to a bound.
+const TANK: &str = r#"
+name = "tank"
+preset = "ours"
+seed = 1
+[plant.expression]
+states = [{ name = "x", unit = "m" }]
+inputs = ["u"]
+parameters = { k = 1.0 }
+derivatives = { x = "(k*u - x)/10" }
+[control]
+models = ["rk4"]
+step_s = 2.0
+duration_s = 4.0
+initial_state = [0.5]
+initial_input = [0.5]
+controlled = ["x"]
+q = [10.0]
+r = [0.01]
+n2 = 6
+nu = 6
+state_high = [1.5]
+input_low = [0.0]
+input_high = [10.0]
+references = [{ start_s = 0.0, value = [1.5] }]
+repetitions = 1
+measurement = { measured = ["x"] }
+[control.estimator]
+kind = "ekf"
+process_sd = [0.0]
+measurement_sd = [0.01]
+initial_estimate = [0.5]
+initial_sd = [0.01]
+parameters = [{ name = "k", initial = 1.0, initial_sd = 0.15, drift_sd = 0.0 }]
+[control.uncertainty]
+probability = 0.95
+estimate = true
+tightenings = 20
+"#;
+
+/// With a = exp(-T/10) the level after a step is a x + (1 - a) k u, of variance
+/// a^2 var x + ((1 - a) u)^2 var k.
+#[test]
+fn a_tube_counts_what_the_estimator_does_not_know_of_a_parameter() {
+    let (a, z) = ((-0.2_f64).exp(), 1.644_853_626_951_472_2);
+    let variance_of_x = 0.01_f64.powi(2) / 2.0;
+    let highest = |u: f64| {
+        let sd = (a * a * variance_of_x + ((1.0 - a) * u * 0.15).powi(2)).sqrt();
+        a * 0.5 + (1.0 - a) * u + z * sd
+    };
+    let (_, rows) = run(TANK, &[]);
+    let experiment = experiment(TANK, &[]);
+    let mut live = LiveController::new(&experiment, None, Some(ModelKind::RK4), "it").unwrap();
+    let of_live = live.step(&[0.5], Follow::Config, None).unwrap().u[0];
+    for u in [rows[0].input[0], of_live] {
+        assert!((highest(u) - 1.5).abs() < 1e-6, "{u}: {}", highest(u));
+    }
+}

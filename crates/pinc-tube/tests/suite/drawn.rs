@@ -1,6 +1,6 @@
 //! Linear plants with drawn disturbances, under the tube's own feedback.
 
-use pinc_ode::{Dims, Linearization, Model, Stages};
+use pinc_ode::{Dims, Linearization, Model, OutputLinearization, Stages};
 use pinc_tube::{
     AlongPlan, BackOffs, EllipsoidTube, Feedback, Interval, Sources, StageError, Tube, TubeModel,
     TubeUnits,
@@ -17,13 +17,17 @@ const DIMS: Dims = Dims::new(2, 1);
 /// A parameter moves the state by p times this in each step.
 const BY_P: [f64; 2] = [0.3, -0.4];
 
+/// y = C x + .7 p
+const C: [f64; 2] = [0.5, -0.3];
+const OUTPUT_BY_P: f64 = 0.7;
+
 /// A x + B u + p (.3, -.4)
 #[derive(Debug)]
 struct Linear;
 
 impl Model for Linear {
     fn dims(&self) -> Dims {
-        DIMS.with_parameters(1)
+        DIMS.with_parameters(1).with_outputs(1)
     }
 
     fn sample_time_s(&self) -> f64 {
@@ -36,8 +40,20 @@ impl Model for Linear {
         }
     }
 
-    fn linearize(&mut self, _: Stages<'_>, _: Linearization<'_>) {
-        unreachable!("the test gives A and B")
+    fn linearize(&mut self, _: Stages<'_>, out: Linearization<'_>) {
+        // The tests give A and B.
+        out.e.copy_from_slice(&BY_P);
+    }
+
+    fn linearize_output(&mut self, at: Stages<'_>, out: OutputLinearization<'_>) {
+        self.output(at.x, at.u, at.p, out.y);
+        out.c.copy_from_slice(&C);
+        out.d.fill(0.0);
+        out.e.copy_from_slice(&[OUTPUT_BY_P]);
+    }
+
+    fn output(&mut self, x: &[f64], _: &[f64], p: &[f64], y: &mut [f64]) {
+        y[0] = C[0] * x[0] + C[1] * x[1] + OUTPUT_BY_P * p[0];
     }
 }
 
@@ -127,6 +143,69 @@ fn deviations_have_the_tubes_covariance_and_stay_within_with_the_stated_probabil
         }
     }
     assert_eq!(back_offs.inputs[0].to_bits(), 0.0_f64.to_bits());
+}
+
+/// The covariance of two states and a parameter.
+const OF_ALL: [f64; 9] = [0.2, 0.1, -0.15, 0.1, 0.4, 0.05, -0.15, 0.05, 0.3];
+
+/// The parameter is drawn with the state, and stays as it is.
+#[test]
+fn an_estimated_parameter_counts_with_its_covariance_and_correlation() {
+    let dims = DIMS.with_parameters(1);
+    let sources = Sources { probability: Some(0.9), estimate: true, ..Sources::default() };
+    let units = TubeUnits { states: vec![1.0, 2.0], inputs: vec![1.5] };
+    let model = TubeModel { model: Box::new(Linear), more: vec![] };
+    let new = EllipsoidTube::new((dims, N), sources, Some(model), Feedback::Riccati, units);
+    let mut tube = new.unwrap();
+    tube.set_covariance(&OF_ALL);
+    let zeros = |size: usize| vec![0.0; size];
+    let [outputs, starts] = [zeros(N), zeros(N)];
+    let mut found = BackOffs { states: zeros(2 * N), inputs: zeros(N), outputs, starts };
+    let plan = Stages { x: &[0.0; 2 * N], u: &[0.0; N], p: &[0.0; N] };
+    // Twice: nothing is left of the first.
+    for _ in 0..2 {
+        tube.write(AlongPlan::new(plan, [&A.repeat(N), &B.repeat(N)], dims, 0), &mut found);
+    }
+    let mut rng = ChaCha8Rng::seed_from_u64(9);
+    let mut normal = move || -> f64 { StandardNormal.sample(&mut rng) };
+    const RUNS: usize = 40_000;
+    let (mut states, mut inputs, mut ends, mut starts) = ([[0; 2]; N], [0; N], [0; N], [0; N]);
+    for _ in 0..RUNS {
+        let [x0, x1, p] = drawn([normal(), normal(), normal()]);
+        let path = run(tube.gains(), [x0, x1], || BY_P.map(|by| by * p));
+        let y = |[a, b]: [f64; 2]| C[0] * a + C[1] * b + OUTPUT_BY_P * p;
+        let mut before = [x0, x1];
+        for (k, (x, u)) in path.into_iter().enumerate() {
+            for (i, outside) in states[k].iter_mut().enumerate() {
+                *outside += usize::from(x[i] > found.states[2 * k + i]);
+            }
+            inputs[k] += usize::from(u > found.inputs[k]);
+            ends[k] += usize::from(y(x) > found.outputs[k]);
+            starts[k] += usize::from(y(before) > found.starts[k]);
+            before = x;
+        }
+    }
+    for k in 0..N {
+        let of_inputs = if k > 0 { &inputs[k..=k] } else { &[] };
+        for outside in states[k].iter().chain([&ends[k], &starts[k]]).chain(of_inputs) {
+            let share = f64::from(u32::try_from(*outside).unwrap()) / RUNS as f64;
+            // Four standard deviations.
+            assert!((share - 0.1).abs() < 0.006, "{k}: {share}");
+        }
+    }
+}
+
+/// A draw of covariance [`OF_ALL`], from independent ones of 1: by its Cholesky factor.
+fn drawn(normal: [f64; 3]) -> [f64; 3] {
+    let mut root = [[0.0_f64; 3]; 3];
+    for i in 0..3 {
+        for j in 0..=i {
+            let sum: f64 = (0..j).map(|k| root[i][k] * root[j][k]).sum();
+            let rest = OF_ALL[3 * i + j] - sum;
+            root[i][j] = if i == j { rest.sqrt() } else { rest / root[j][j] };
+        }
+    }
+    root.map(|row| row.iter().zip(normal).map(|(of, normal)| of * normal).sum())
 }
 
 #[test]

@@ -87,7 +87,9 @@ fn back_offs_match_numpy() {
     let model = TubeModel { model: Box::new(Drive), more: Vec::new() };
     let feedback = Feedback::Riccati;
     let mut tube = EllipsoidTube::new((dims, N), sources, Some(model), feedback, units).unwrap();
-    tube.set_covariance(&[4e-4, 1e-4, 0.0, 1e-4, 9e-4, -5e-5, 0.0, -5e-5, 1e-4]);
+    let covariance =
+        [[4e-4, 1e-4, 0.0, 0.0], [1e-4, 9e-4, -5e-5, 0.0], [0.0, -5e-5, 1e-4, 0.0], [0.0; 4]];
+    tube.set_covariance(covariance.as_flattened());
     let mut found = BackOffs {
         states: vec![f64::NAN; 3 * N],
         inputs: vec![f64::NAN; 2 * NU],

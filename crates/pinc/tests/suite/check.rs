@@ -551,21 +551,3 @@ fn bounds_that_break_in_the_loop_trigger_a_warning() {
     );
     assert_eq!(broken.severity, Severity::Warning);
 }
-
-/// What the estimator does not know of a disturbance is in no tube.
-#[test]
-fn a_tube_of_estimates_leaves_out_estimated_disturbances() {
-    let measurement = r#"control.measurement={ measured = ["h1", "h2", "h3", "h4"], noise_sd = [0.05, 0.05, 0.05, 0.05] }"#;
-    let filter = r#"kind = "ekf", process_sd = [0.05, 0.05, 0.05, 0.05], measurement_sd = [0.05, 0.05, 0.05, 0.05],
-        initial_estimate = [9.2, 14.2, 2.5, 2.5], initial_sd = [0.1, 0.1, 0.1, 0.1]"#
-        .replace("\n", " ");
-    let disturbed = r#", disturbance = "input", disturbance_sd = [0.01, 0.01], disturbance_initial_sd = [0.1, 0.1]"#;
-    let tube = "control.uncertainty={ probability = 0.99, estimate = true }";
-    let with_filter = |more: &str| {
-        let filter = format!("control.estimator={{ {filter}{more} }}");
-        findings("robust/tanks.toml", &["--unset sweep", measurement, &filter, tube])
-    };
-    let words = "estimate = true counts the covariance of the states, not that of disturbances";
-    assert_eq!(with(&with_filter(disturbed), &[words]).severity, Severity::Warning);
-    assert!(!with_filter("").iter().any(|found| found.what.contains(words)));
-}

@@ -327,7 +327,7 @@ fn keys() -> Vec<(&'static str, Vec<&'static str>, About)> {
         ),
         (
             "uncertainty.estimate",
-            [with(&[]), chance(&["control.uncertainty.estimate=true"])].concat(),
+            [offset(&[]), chance(&["control.uncertainty.estimate=true"])].concat(),
             Controller,
         ),
         ("uncertainty.net_error", vec![], Unseen),
