@@ -10,7 +10,7 @@ use std::path::{Path, PathBuf};
 use toml::{Table, Value};
 
 /// Our crates with the ones of ours that each depends on, from the bottom up.
-const CRATES: [(&str, &[&str]); 29] = [
+const CRATES: [(&str, &[&str]); 30] = [
     ("pinc-ad", &[]),
     ("pinc-qp", &["pinc-ad"]),
     ("pinc-chart", &[]),
@@ -53,6 +53,7 @@ const CRATES: [(&str, &[&str]); 29] = [
         ],
     ),
     ("pinc-external", &["pinc-ad", "pinc-ode"]),
+    ("pinc-toml", &["pinc-expr", "pinc-ode"]),
     (
         "pinc-config",
         &[
@@ -63,6 +64,7 @@ const CRATES: [(&str, &[&str]); 29] = [
             "pinc-net",
             "pinc-ode",
             "pinc-plants",
+            "pinc-toml",
             "pinc-tube",
         ],
     ),
@@ -192,9 +194,8 @@ const WITH_EXAMPLES: [&str; 7] =
 /// No crate has more lines in its sources, files of tests left out.
 const LARGEST: usize = 8000;
 
-/// Crates that have more: the parts of one iteration read each other's numbers, and batches of
-/// controllers what a loop is made from.
-const LARGER: [(&str, usize); 2] = [("pinc-config", 8700), ("pinc-mpc", 8500)];
+/// Crates that have more: the parts of one iteration read each other's numbers.
+const LARGER: [(&str, usize); 1] = [("pinc-mpc", 8500)];
 
 /// Files longer than this are listed; a file that passes it wants to be split.
 const LONG: usize = 400;

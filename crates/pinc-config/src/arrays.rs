@@ -8,14 +8,14 @@
 //! For a plant with the states `T[20]` and `E`, a list of states is `[300.0, 0.0]`, with the first
 //! number for all elements of `T`, or `[[300.0, 301.0, ..], 0.0]`, or a list of 21 numbers.
 
-use crate::explain::explain;
+use crate::finite::may_be_infinite;
 use crate::plant::PlantSpec;
 use crate::plants::Plants;
-use crate::problem::Problem;
 use crate::registry::names;
-use crate::{layers, validate};
+use crate::validate;
 use pinc_expr::Equations;
 use pinc_ode::Variable;
+use pinc_toml::{Problem, assign, explain};
 use std::collections::BTreeMap;
 use std::ops::Range;
 use std::path::PathBuf;
@@ -51,7 +51,7 @@ impl AsWritten {
     pub(crate) fn restore(&self, table: &mut Table) {
         for (key, value) in &self.lists {
             // A key that is gone did not name a list.
-            let _ = layers::assign(table, key, value.clone());
+            let _ = assign(table, key, value.clone());
         }
     }
 }
@@ -221,7 +221,7 @@ impl Entries {
 fn default_of(key: &str) -> Option<f64> {
     match key {
         "control.q" | "control.q_terminal" | "control.r" => Some(0.0),
-        _ if layers::may_be_infinite(key) => {
+        _ if may_be_infinite(key) => {
             Some(if key.ends_with("low") { f64::NEG_INFINITY } else { f64::INFINITY })
         }
         _ => None,

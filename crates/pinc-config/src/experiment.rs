@@ -4,22 +4,21 @@ use crate::arrays::{self, AsWritten};
 use crate::control::ControlSpec;
 use crate::data::DataSpec;
 use crate::identify::IdentifySpec;
-use crate::layers::{self, Layers};
 use crate::model_kind::ModelKind;
 use crate::one_step::OneStepSpec;
 use crate::plant::PlantSpec;
 use crate::plants::Plants;
 use crate::prediction::PredictionSpec;
 use crate::presets::Preset;
-use crate::problem::{ConfigError, Problem};
 use crate::sweep::SweepSpec;
 use crate::training::{Effort, TrainingSpec};
 use crate::tune::TuneSpec;
-use crate::{explain, identified, net_weights, sampled};
+use crate::{finite, identified, net_weights, presets, sampled};
 use pinc_expr::TimeUnit;
 use pinc_mpc::Scenarios;
 use pinc_net::{Domain, NetConfig, ValidationConfig};
 use pinc_ode::Dims;
+use pinc_toml::{ConfigError, Layers, Problem, assign, differences_of};
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 use std::path::Path;
@@ -121,11 +120,31 @@ impl Experiment {
         sets: &[String],
         plants: &Plants,
     ) -> Result<Self, ConfigError> {
-        let mut layers = Layers::resolve(path, text, sets)?;
+        let mut layers = Layers::resolve(path, text, sets, presets::PRESETS)?;
+        let experiment = Self::of_layers(&mut layers, path, plants)?;
+        // Mistakes in the keys of another preset are found before it is chosen. What else is wrong
+        // with it is not: nobody asked for it.
+        for preset in layers.other_presets() {
+            let sets = [sets, &[format!("preset={preset}")]].concat();
+            let other = Layers::resolve(path, text, &sets, presets::PRESETS)
+                .and_then(|mut layers| Self::of_layers(&mut layers, path, plants));
+            match other {
+                Err(ConfigError::Key { origin, key, problem })
+                    if key.starts_with(&differences_of(preset)) =>
+                {
+                    return Err(ConfigError::Key { origin, key, problem });
+                }
+                Ok(_) | Err(_) => {}
+            }
+        }
+        Ok(experiment)
+    }
+
+    fn of_layers(layers: &mut Layers, path: &Path, plants: &Plants) -> Result<Self, ConfigError> {
         let dir = path.parent().unwrap_or(Path::new(""));
         let weights = net_weights::read(&mut layers.table, dir);
         weights.map_err(|(key, problem)| layers.error(key, problem))?;
-        if let Some((key, value)) = layers.first_not_finite() {
+        if let Some((key, value)) = finite::first_not_finite(&layers.table) {
             return Err(layers.error(key, Problem::NotFinite(value)));
         }
         let experiment = Self::from_table(std::mem::take(&mut layers.table), plants);
@@ -149,14 +168,14 @@ impl Experiment {
     ///
     /// Like [`Experiment::load`], of syntax, keys and types.
     pub fn read_back(path: &Path, text: &str) -> Result<Self, ConfigError> {
-        let mut layers = Layers::resolve(path, text, &[])?;
+        let mut layers = Layers::resolve(path, text, &[], presets::PRESETS)?;
         let experiment = Self::deserialized(std::mem::take(&mut layers.table));
         experiment.map_err(|(key, problem)| layers.error(key, problem))
     }
 
     fn deserialized(table: Table) -> Result<Self, (String, Problem)> {
         serde_path_to_error::deserialize(Value::Table(table))
-            .map_err(|error| explain::explain(&error))
+            .map_err(|error| pinc_toml::explain(&error))
     }
 
     /// The experiment of a resolved table, checked; or the key and what is wrong with its value.
@@ -212,7 +231,7 @@ impl Experiment {
         values: impl IntoIterator<Item = (&'a str, Value)>,
     ) -> Result<Self, (String, Problem)> {
         for (key, value) in values {
-            layers::assign(&mut table, key, value).map_err(|path| {
+            assign(&mut table, key, value).map_err(|path| {
                 let expected = format!("a key that can be set: `{path}` has no such element");
                 (key.to_owned(), Problem::Value { found: format!("`{key}`"), expected })
             })?;

@@ -1,6 +1,6 @@
 //! Parameters whose uncertainty is in the `identify.json` of an identification.
 
-use crate::problem::Problem;
+use pinc_toml::Problem;
 use serde::Deserialize;
 use std::collections::BTreeMap;
 use std::path::Path;

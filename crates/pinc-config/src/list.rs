@@ -3,8 +3,8 @@
 use crate::experiment::{Experiment, read};
 use crate::plants::Plants;
 use crate::presets::Preset;
-use crate::problem::{ConfigError, Origin, Problem};
-use crate::{explain, validate};
+use crate::validate;
+use pinc_toml::{ConfigError, Origin, Problem};
 use serde::Deserialize;
 use std::path::{Path, PathBuf};
 use toml::{Table, Value};
@@ -56,7 +56,7 @@ impl RunList {
         }
         let list = Self::from_text(&text).map_err(|(key, problem)| {
             let line = line_of(&text, &key);
-            let origin = Origin::File { path: path.to_owned(), line };
+            let origin = Origin::Line { path: path.to_owned(), line };
             ConfigError::Key { origin, key, problem: Box::new(problem) }
         })?;
         Ok(Some(list))
@@ -65,7 +65,7 @@ impl RunList {
     fn from_text(text: &str) -> Result<Self, (String, Problem)> {
         let table: Table = text.parse().unwrap_or_default();
         let list: Self = serde_path_to_error::deserialize(Value::Table(table))
-            .map_err(|error| explain::explain(&error))?;
+            .map_err(|error| pinc_toml::explain(&error))?;
         validate::directory_name(&list.name)?;
         if list.runs.is_empty() {
             let (found, expected) = ("[]".to_owned(), "at least one { config }".to_owned());
@@ -100,7 +100,7 @@ impl RunList {
                         found: format!("{} once more", dir.display()),
                         expected: "each pair of name and preset once".to_owned(),
                     };
-                    let origin = Origin::File { path: path.to_owned(), line: 1 };
+                    let origin = Origin::Line { path: path.to_owned(), line: 1 };
                     let (key, problem) = (format!("runs[{i}]"), Box::new(problem));
                     return Err(ConfigError::Key { origin, key, problem });
                 }

@@ -1,7 +1,7 @@
 //! Files with the weights of nets inside a plant's equations.
 
 use crate::Experiment;
-use crate::problem::Problem;
+use pinc_toml::Problem;
 use std::fmt::Write as _;
 use std::path::Path;
 use toml::{Table, Value};

@@ -3,8 +3,8 @@
 #[cfg(test)]
 mod tests;
 
+use pinc_toml::Presets;
 use serde::{Deserialize, Serialize};
-use toml::Table;
 
 /// A reading of the paper. Its defaults are the TOML file of its name in `presets/`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -24,7 +24,7 @@ impl Preset {
 
     /// The preset's name in configs.
     #[must_use]
-    pub fn name(self) -> &'static str {
+    pub const fn name(self) -> &'static str {
         match self {
             Self::Ours => "ours",
             Self::AsPrinted => "as-printed",
@@ -32,17 +32,22 @@ impl Preset {
         }
     }
 
-    pub(crate) fn named(name: &str) -> Option<Self> {
-        Self::ALL.into_iter().find(|preset| preset.name() == name)
-    }
-
-    /// The sections of a config, with this preset's values.
-    pub(crate) fn defaults(self) -> Table {
-        let text = match self {
+    /// Its defaults: the sections of a config.
+    const fn defaults(self) -> &'static str {
+        match self {
             Self::Ours => include_str!("../../presets/ours.toml"),
             Self::AsPrinted => include_str!("../../presets/as-printed.toml"),
             Self::AsReleased => include_str!("../../presets/as-released.toml"),
-        };
-        text.parse().expect("the built-in presets are valid TOML, which a test checks")
+        }
     }
 }
+
+/// All of them, for a file to choose from.
+pub(crate) const PRESETS: Presets = Presets {
+    texts: &[
+        (Preset::Ours.name(), Preset::Ours.defaults()),
+        (Preset::AsPrinted.name(), Preset::AsPrinted.defaults()),
+        (Preset::AsReleased.name(), Preset::AsReleased.defaults()),
+    ],
+    expected: "the name of a preset: \"ours\", \"as-printed\" or \"as-released\"",
+};

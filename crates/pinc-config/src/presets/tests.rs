@@ -7,7 +7,7 @@ use pinc_net::{Ansatz, Domain, NetConfig, TrainingConfig, ValidationConfig};
 /// The same values twice: in the library, and in the preset's file for its readers.
 #[test]
 fn the_preset_ours_is_what_the_library_recommends() {
-    let defaults = Preset::Ours.defaults();
+    let defaults: toml::Table = Preset::Ours.defaults().parse().unwrap();
     let section = |name: &str| defaults[name].clone();
     let training: TrainingSpec = section("training").try_into().unwrap();
     assert_eq!(training.config, TrainingConfig::recommended());

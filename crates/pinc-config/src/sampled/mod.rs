@@ -14,10 +14,10 @@ mod file;
 
 pub use file::{CsvProblem, CsvRow, csv_rows};
 
-use crate::problem::{Problem, nearest};
 use crate::validate::rounded;
 use file::File;
 use pinc_expr::TimeFunction;
+use pinc_toml::{Problem, nearest};
 use std::collections::BTreeMap;
 use std::path::Path;
 use toml::{Table, Value};

@@ -18,7 +18,6 @@ pub(crate) mod values;
 pub(crate) use values::rounded;
 
 use crate::plants::Plants;
-use crate::problem::nearest;
 use crate::registry::Variables;
 use crate::{
     CostSpec, DataSpec, Experiment, ModelKind, OwnPlantSpec, PlantSpec, PredictionSpec, Problem,
@@ -28,6 +27,7 @@ use control::closed_loop;
 use pinc_expr::ExpressionError;
 use pinc_net::{Ansatz, NetError, ResidualScale, Scenario, TrainingTarget, ValidationConfig};
 use pinc_ode::Dims;
+use pinc_toml::nearest;
 use values::{
     CONTROLLED, at_least_one, bounds, each, length, named_tolerances, positive, present, tolerance,
     value, whole_steps,

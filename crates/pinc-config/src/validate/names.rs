@@ -2,10 +2,10 @@
 
 use super::Checked;
 use super::values::{parameters, value};
-use crate::problem::nearest;
 use crate::registry::Variables;
 use crate::{DataSpec, Experiment, PlantSpec};
 use pinc_net::Domain;
+use pinc_toml::nearest;
 
 /// The tables of a run have a state's truth, reference, initial value, standard deviation, error and
 /// bound beside it, and an output's reference, in columns named by these endings.

@@ -110,6 +110,32 @@ fn later_layers_win() {
     assert_eq!(control(&["control.r=[5.0]", "control.r=[6.0]"]), (5, 7, 1.0, 6.0));
 }
 
+/// Of a preset that is not chosen, too, and where the file has it.
+#[test]
+fn mistakes_in_the_keys_of_a_preset_are_refused() {
+    for (right, wrong, expected) in [
+        ("q = [3.0]", "q = [-3.0]", "test.toml:23: `presets.as-released.control.q[0]`: -3"),
+        ("q = [3.0]", "q = [3.0, 4.0]", "test.toml:23: `presets.as-released.control.q`: 2 values"),
+        (
+            "rk4_substeps = 8",
+            "rk4_substep = 8",
+            "`presets.as-released.control.rk4_substep`: unknown",
+        ),
+        ("as-released.control", "as-released.controll", "`presets.as-released.controll`: unknown"),
+    ] {
+        let text = LAYERED.replacen(right, wrong, 1);
+        for sets in [&[][..], &["control.rk4_substeps=9"], &["preset=as-released"]] {
+            let error = parse(&text, sets).unwrap_err().to_string();
+            assert!(error.contains(expected), "{sets:?}: {error}");
+        }
+    }
+    // This preset has no plan with such bounds, but nobody asked for it.
+    let text =
+        LAYERED.replacen("q = [3.0]", "n2 = 3", 1).replacen("r = [2.0]", "r = [2.0]\nnu = 5", 1);
+    assert!(parse(&text, &["preset=as-released"]).is_err());
+    assert!(parse(&text, &[]).is_ok());
+}
+
 #[test]
 fn presets_differ_where_they_should() {
     let profile = |preset| {
@@ -267,7 +293,7 @@ fn keys_can_be_taken_away() {
         ("control.state_highs", "--unset control.state_highs: there is no key `control.state_hi"),
         ("control.q.h1", "--unset control.q.h1: there is no key `control.q.h1`"),
         ("prediction", "there is no key `prediction`"),
-        ("control..q", "expected key=value"),
+        ("control..q", "expected a key, as training.lambda"),
         ("control.q", "`control.q`: missing"),
         ("preset", "`preset`: missing"),
     ] {

@@ -4,9 +4,9 @@
 mod tests;
 
 use super::{Checked, Grid, Signal};
-use crate::problem::{Problem, nearest};
 use crate::validate::limits;
 use csv::StringRecord;
+use pinc_toml::{Problem, nearest};
 use std::collections::BTreeMap;
 use std::path::Path;
 use toml::{Table, Value};

@@ -5,7 +5,8 @@ use crate::problem::{Problem, nearest};
 type Error = serde_path_to_error::Error<toml::de::Error>;
 
 /// The key of an error and what is wrong there, with the nearest key that exists.
-pub(crate) fn explain(error: &Error) -> (String, Problem) {
+#[must_use]
+pub fn explain(error: &Error) -> (String, Problem) {
     let mut key = match error.path().to_string() {
         root if root == "." => String::new(),
         path => path,

@@ -51,8 +51,8 @@ pub enum ConfigError {
 /// Where a value of a config was written.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Origin {
-    /// In the config file.
-    File {
+    /// A line of the file.
+    Line {
         /// The file.
         path: PathBuf,
         /// The line, from 1.
@@ -66,7 +66,8 @@ pub enum Origin {
 
 impl Problem {
     /// The problem of a word or name that is not among those known there.
-    pub(crate) fn word(found: &str, known: &[String]) -> Self {
+    #[must_use]
+    pub fn word(found: &str, known: &[String]) -> Self {
         let nearest = nearest(found, known);
         Self::Word { found: found.to_owned(), known: known.to_vec(), nearest }
     }
@@ -75,7 +76,7 @@ impl Problem {
 impl fmt::Display for Origin {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::File { path, line } => write!(f, "{}:{line}", path.display()),
+            Self::Line { path, line } => write!(f, "{}:{line}", path.display()),
             Self::Set(argument) => write!(f, "{argument}"),
             Self::Preset(name) => write!(f, "built-in preset {name}"),
         }
@@ -89,6 +90,9 @@ pub enum SetProblem {
     /// It has no `=` or no key.
     #[error("expected key=value, as training.lambda=0.5")]
     NoKey,
+    /// It names no key to take away.
+    #[error("expected a key, as training.lambda")]
+    NothingToUnset,
     /// The value is neither TOML nor a bare word.
     #[error(
         "the value is not TOML (a string with other characters than a-z, 0-9, - and _ needs \
@@ -214,7 +218,8 @@ fn did_you_mean(nearest: &Option<String>) -> String {
 }
 
 /// The one of `known`, if any, that `word` is most likely a misspelling of.
-pub(crate) fn nearest(word: &str, known: &[String]) -> Option<String> {
+#[must_use]
+pub fn nearest(word: &str, known: &[String]) -> Option<String> {
     if word.len() > 100 {
         return None;
     }
