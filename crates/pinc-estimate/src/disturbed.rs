@@ -52,6 +52,32 @@ impl Augmentation {
         }
     }
 
+    /// Writes the covariance of what [`Augmentation::read`] gives, (x, w), from that of the estimate of a
+    /// plant with `nx` states.
+    ///
+    /// # Shapes
+    ///
+    /// `of_estimate`, `covariance`: `[nz, nz]`.
+    pub fn read_covariance(&self, of_estimate: &[f64], nx: usize, covariance: &mut Vec<f64>) {
+        covariance.clear();
+        covariance.extend(of_estimate);
+        if self.disturbance != Disturbance::Output {
+            return;
+        }
+        let nz = nx + self.measured.len() + self.estimated.len();
+        for (place, measured) in self.measured.iter().enumerate() {
+            if let Measured::State(state) = *measured {
+                // x + d, by rows and by columns.
+                for column in 0..nz {
+                    covariance[state * nz + column] += covariance[(nx + place) * nz + column];
+                }
+                for row in covariance.chunks_exact_mut(nz) {
+                    row[state] += row[nx + place];
+                }
+            }
+        }
+    }
+
     /// Turns what a controller with the [`Compensated`](crate::Compensated) model asks, (x, u, w), into
     /// what the model itself is asked: `x` without output disturbances, `u` with input disturbances,
     /// and `p` with the estimated parameters.
@@ -106,6 +132,40 @@ impl Augmentation {
         }
         check("parameters", parameters, dims.np, "finite", f64::is_finite)?;
         check_indices("estimated parameters", estimated, dims.np)
+    }
+}
+
+/// What a model is asked, from what a controller asks of it with or without an augmentation: see
+/// [`Augmentation::arguments`].
+#[derive(Debug)]
+pub struct InnerArguments {
+    augmentation: Option<Augmentation>,
+    x: Vec<f64>,
+    u: Vec<f64>,
+    p: Vec<f64>,
+}
+
+impl InnerArguments {
+    /// Of a model of dimensions `dims`.
+    #[must_use]
+    pub fn new(dims: Dims, augmentation: Option<Augmentation>) -> Self {
+        let [x, u, p] = [dims.nx, dims.nu, dims.np].map(|size| vec![0.0; size]);
+        Self { augmentation, x, u, p }
+    }
+
+    /// x, u and p of the model.
+    ///
+    /// # Shapes
+    ///
+    /// `x`: `nx`; `u`: `nu`; `p`: `np`, or with an augmentation the disturbances and estimates.
+    pub fn of(&mut self, x: &[f64], u: &[f64], p: &[f64]) -> [&[f64]; 3] {
+        self.x.copy_from_slice(x);
+        self.u.copy_from_slice(u);
+        match &self.augmentation {
+            Some(of) => of.arguments(&mut self.x, &mut self.u, p, &mut self.p),
+            None => self.p.copy_from_slice(p),
+        }
+        [&self.x, &self.u, &self.p]
     }
 }
 

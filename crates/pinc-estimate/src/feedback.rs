@@ -18,6 +18,7 @@ pub struct OutputFeedback {
     measured: Vec<f64>,
     root: Vec<f64>,
     error: Vec<f64>,
+    of_state: Vec<f64>,
     covariance: Vec<f64>,
     history: History,
 }
@@ -75,6 +76,7 @@ impl OutputFeedback {
             measured: vec![0.0; dims.ny],
             root: Vec::new(),
             error: Vec::new(),
+            of_state: Vec::new(),
             covariance: Vec::new(),
             history: History::default(),
             augmentation,
@@ -104,15 +106,15 @@ impl OutputFeedback {
     fn nees(&mut self, x: &[f64]) -> f64 {
         let n = x.len();
         let rows = self.estimator.covariance().chunks_exact(self.estimator.dims().nx);
-        self.covariance.clear();
-        rows.take(n).for_each(|row| self.covariance.extend(&row[..n]));
+        self.of_state.clear();
+        rows.take(n).for_each(|row| self.of_state.extend(&row[..n]));
         self.root.resize(n * n, 0.0);
         self.error.clear();
         self.error.extend(self.estimator.estimate().iter().zip(x).map(|(z, x)| z - x));
         let history = &mut self.history.squared_errors;
         history.resize(n, 0.0);
         history.iter_mut().zip(&self.error).for_each(|(sum, e)| *sum += e * e);
-        let singular = !factor(&self.covariance, n, &mut self.root)
+        let singular = !factor(&self.of_state, n, &mut self.root)
             || (0..n).any(|i| self.root[i * (n + 1)] <= 0.0);
         if singular {
             return f64::NAN;
@@ -128,13 +130,15 @@ impl Observer for OutputFeedback {
         let correction = self.estimator.correct(&self.measured);
         let z = self.estimator.estimate();
         self.augmentation.read(z, x, parameters);
+        let of_estimate = self.estimator.covariance();
+        self.augmentation.read_covariance(of_estimate, x.len(), &mut self.covariance);
         let nees = self.nees(plant.x);
         self.history.nees.push(nees);
         self.history.take_note(&*self.estimator, &self.measured, correction);
     }
 
     fn covariance(&self) -> Option<&[f64]> {
-        Some(self.estimator.covariance())
+        Some(&self.covariance)
     }
 
     fn advance(&mut self, u: &[f64]) {

@@ -32,7 +32,7 @@ mod ukf;
 pub use augmented::Augmented;
 pub use compensated::Compensated;
 pub use disturbance::{Disturbance, Measured};
-pub use disturbed::Augmentation;
+pub use disturbed::{Augmentation, InnerArguments};
 pub use ekf::Ekf;
 pub use error::EstimateError;
 pub use estimator::{Correction, Estimator, EstimatorStatus, Tuning};

@@ -503,6 +503,12 @@ impl Control<'_, '_> {
         self.run.seen()
     }
 
+    /// Returns the parameters of the controller's model in this step, shape `np`.
+    #[must_use]
+    pub fn parameters(&self) -> &[f64] {
+        self.run.nmpc.parameters()
+    }
+
     /// Where the plan expects the states: see [`Nmpc::expected`].
     #[must_use]
     pub fn expected(&self) -> Option<Vec<[Vec<f64>; 2]>> {

@@ -19,6 +19,7 @@ use pinc_record::{
     ControlColumns, ControlMetrics, CostMetrics, EstimatorMetrics, FirstPlanMetrics, Metrics,
     ReferenceMetrics, RunDir, StepTimes, ViolationMetrics, WallTimes, decimals, file,
 };
+use std::borrow::Cow;
 use std::cell::Cell;
 use std::collections::BTreeMap;
 use std::time::{Duration, Instant};
@@ -139,14 +140,14 @@ fn run_model(
         if let Some(feedback) = &mut feedback {
             run = run.with_observer(feedback);
         }
-        let mut guard = setup.guard(kind);
+        let mut guard = setup.guard(kind, plant);
         let budget = Budget {
             time: budget_us.map(|us| Duration::from_secs_f64(1e-6 * us)),
             estimating: estimating.as_deref(),
         };
         // Only the first leaves results: the others give the same numbers in other times.
         if results.is_some() {
-            times.watch(&mut run, budget, setup.watched(&mut guard), None, &setup.schedules)?;
+            times.watch(&mut run, budget, &mut guard, None, &setup.schedules)?;
             estimator_us.extend(feedback.iter().flat_map(TimedFeedback::step_us));
             continue;
         }
@@ -154,9 +155,8 @@ fn run_model(
         let plans_file = run_dir.path(&file::plans(kind, setup.kinds.len()));
         let files = run_dir.keeps_traces().then_some([&*trace_file, &*steps_file, &*plans_file]);
         let mut recording = Recording::begin(files, setup.columns())?;
-        let watched = setup.watched(&mut guard);
-        let outcome =
-            times.watch(&mut run, budget, watched, Some(&mut recording), &setup.schedules);
+        let recorded = Some(&mut recording);
+        let outcome = times.watch(&mut run, budget, &mut guard, recorded, &setup.schedules);
         let totals = recording.finish(&run)?;
         let found = outcome.is_ok().then(|| measured(&run, totals, setup, kind, &times));
         estimates = feedback;
@@ -318,17 +318,10 @@ impl<'a> LoopSetup<'a> {
 
 impl LoopSetup<'_> {
     /// What watches the net, if that is the model.
-    fn guard(&self, kind: ModelKind) -> Option<Guard<'_>> {
-        let net = self.net.filter(|_| self.spec.model_of(kind) == ModelKind::Pinc);
-        net.map(|net| Guard::new(net, self.spec.outside_domain))
-    }
-
-    /// The guard with the parameters that the net is asked for.
-    fn watched<'g, 'n>(
-        &'g self,
-        guard: &'g mut Option<Guard<'n>>,
-    ) -> Option<(&'g mut Guard<'n>, &'g [f64])> {
-        guard.as_mut().map(|guard| (guard, self.parameters))
+    fn guard(&self, kind: ModelKind, plant: &dyn DynPlant) -> Option<Guard<'_>> {
+        let net = self.net.filter(|_| self.spec.model_of(kind) == ModelKind::Pinc)?;
+        let augmentation = self.sections().map(|(of, by)| self.augmentation(of, &by, plant));
+        Some(Guard::new(Cow::Borrowed(net), self.spec.outside_domain, augmentation))
     }
 
     /// The control problem.
@@ -479,21 +472,17 @@ struct Times {
 
 impl Times {
     /// Runs the loop to its end, with an eye on the clock.
-    fn watch<'g>(
+    fn watch(
         &mut self,
         run: &mut ClosedLoop<'_>,
         budget: Budget<'_>,
-        mut guard: Option<(&'g mut Guard<'_>, &'g [f64])>,
+        guard: &mut Option<Guard<'_>>,
         mut recording: Option<&mut Recording>,
-        schedules: &'g Schedules,
+        schedules: &Schedules,
     ) -> Result<(), RunError> {
         let mut sum = 0.0;
         for step in 0.. {
             schedules.apply(run, step)?;
-            if let (Some((_, parameters)), Some(p)) = (&mut guard, schedules.model.beginning(step))
-            {
-                *parameters = p;
-            }
             let clock = Instant::now();
             let mut expired = || budget.time.is_some_and(|budget| clock.elapsed() >= budget);
             let control = run.control_within(&mut expired)?;
@@ -505,8 +494,8 @@ impl Times {
             if let Some(recording) = &mut recording {
                 recording.controlled(&control, 1e6 * time)?;
             }
-            if let Some((guard, parameters)) = &mut guard {
-                guard.look(control.seen(), control.u(), parameters)?;
+            if let Some(guard) = guard {
+                guard.look(control.seen(), control.u(), control.parameters())?;
             }
             let advanced = control.advance();
             if let Some(recording) = &mut recording {

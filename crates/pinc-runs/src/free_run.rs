@@ -10,6 +10,7 @@ use pinc_ode::{DynPlant, Simulator};
 use pinc_record::{PredictionMetrics, PredictionRow, PredictionTable, RunDir, file};
 use rand::rngs::ChaCha8Rng;
 use rand::{RngExt, SeedableRng};
+use std::borrow::Cow;
 
 /// The stream of random numbers that the inputs are drawn from; pinc-net's are below.
 const STREAM: u64 = 1 << 32;
@@ -31,7 +32,7 @@ pub(crate) fn stage(
     // The initial state is given, not predicted.
     let marks: Vec<_> = rows[1..].iter().filter(|row| row.mark).collect();
     let all: Vec<_> = rows[1..].iter().collect();
-    let mut guard = Guard::new(net, OutsidePolicy::Report);
+    let mut guard = Guard::new(Cow::Borrowed(net), OutsidePolicy::Report, None);
     if net.time_only().is_none() {
         rows.iter()
             .filter(|row| row.mark)

@@ -2,7 +2,9 @@
 
 use crate::RunError;
 use pinc_config::OutsidePolicy;
+use pinc_estimate::{Augmentation, InnerArguments};
 use pinc_net::PincNet;
+use pinc_ode::Dims;
 use pinc_record::{Excess, OutsideDomain, significant};
 use std::borrow::Cow;
 
@@ -14,23 +16,28 @@ const ROUNDING: f64 = 1e-9;
 pub(crate) struct Guard<'n> {
     net: Cow<'n, PincNet>,
     policy: OutsidePolicy,
+    arguments: InnerArguments,
     found: OutsideDomain,
 }
 
 impl<'n> Guard<'n> {
-    pub(crate) fn new(net: &'n PincNet, policy: OutsidePolicy) -> Self {
-        Self { net: Cow::Borrowed(net), policy, found: OutsideDomain::default() }
+    /// Of a net by itself, or with the augmentation of the controller's model.
+    pub(crate) fn new(
+        net: Cow<'n, PincNet>,
+        policy: OutsidePolicy,
+        augmentation: Option<Augmentation>,
+    ) -> Self {
+        let [nx, nu] = [net.state_names(), net.input_names()].map(<[_]>::len);
+        let dims = Dims::new(nx, nu).with_parameters(net.parameter_names().count());
+        let arguments = InnerArguments::new(dims, augmentation);
+        Self { net, policy, arguments, found: OutsideDomain::default() }
     }
 
-    /// One that has its net to itself.
-    pub(crate) fn owning(net: PincNet, policy: OutsidePolicy) -> Guard<'static> {
-        Guard { net: Cow::Owned(net), policy, found: OutsideDomain::default() }
-    }
-
-    /// Counts a use in the state `x` under the input `u` with the parameters `p`; an error if it is
-    /// to be refused.
+    /// Counts a use in the state `x` under the input `u` with the parameters `p` of the model; an
+    /// error if it is to be refused.
     pub(crate) fn look(&mut self, x: &[f64], u: &[f64], p: &[f64]) -> Result<(), RunError> {
         self.found.samples += 1;
+        let [x, u, p] = self.arguments.of(x, u, p);
         let domain = self.net.domain();
         let variables = self.net.state_names().iter().chain(self.net.input_names());
         let names = variables.map(String::as_str).chain(self.net.parameter_names());

@@ -13,6 +13,7 @@ use pinc_mpc::{BoundSchedule, Memory, Nmpc, Reference, Solution, SqpStatus, Trus
 use pinc_ode::DynPlant;
 use pinc_record::{ModelErrorMetrics, OutsideDomain};
 use pinc_sensitivity::Sensitivity;
+use std::borrow::Cow;
 use std::time::Instant;
 
 /// The controller of a config, with its estimator if it has one, for a plant that is somewhere
@@ -61,6 +62,8 @@ struct LiveEstimator {
     measured: Vec<String>,
     /// The disturbances and parameters.
     unknowns: Vec<f64>,
+    /// The covariance of the state and of these.
+    covariance: Vec<f64>,
     status: EstimatorStatus,
 }
 
@@ -129,8 +132,10 @@ impl LiveController {
         let chosen = Chosen::of(experiment, model, only, command)?;
         let (setup, spec) = (chosen.setup(), chosen.spec);
         let (nmpc, error_log) = setup.judged_controller(chosen.kind, &*chosen.plant)?;
-        let net = chosen.net().cloned();
-        let guard = net.map(|net| Guard::owning(net, spec.outside_domain));
+        let augmentation =
+            setup.sections().map(|(of, by)| setup.augmentation(of, &by, &*chosen.plant));
+        let net = chosen.net().cloned().map(Cow::Owned);
+        let guard = net.map(|net| Guard::new(net, spec.outside_domain, augmentation));
         let dims = nmpc.model().dims();
         let mut live = Self {
             observer: LiveEstimator::of(&setup, chosen.kind, &*chosen.plant)?,
@@ -358,7 +363,9 @@ impl LiveController {
         self.observe(y, u_applied);
         if let Some(observer) = &mut self.observer {
             self.nmpc.set_parameters(&observer.unknowns)?;
-            self.nmpc.set_covariance(observer.estimator.covariance());
+            let LiveEstimator { estimator, augmentation, covariance, .. } = observer;
+            augmentation.read_covariance(estimator.covariance(), self.x.len(), covariance);
+            self.nmpc.set_covariance(covariance);
             if let Some(target) = &mut observer.target {
                 target.aim(&observer.unknowns, &mut self.window);
             }
@@ -386,7 +393,7 @@ impl LiveController {
         if let Some(guard) = &mut self.guard
             && status != SqpStatus::BadArgument
         {
-            guard.look(&self.x, &self.u, &self.parameters)?;
+            guard.look(&self.x, &self.u, self.nmpc.parameters())?;
         }
         let observer = self.observer.as_ref();
         Ok(LiveStep {
@@ -515,6 +522,7 @@ impl LiveEstimator {
             augmentation,
             measured: measurement.names(&variables),
             unknowns: vec![0.0; unknowns],
+            covariance: Vec::new(),
             status: EstimatorStatus::NothingMeasured,
         }))
     }

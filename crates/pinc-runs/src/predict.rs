@@ -9,6 +9,7 @@ use csv::StringRecord;
 use pinc_config::{Experiment, OutsidePolicy};
 use pinc_net::{PincNet, TrainingTarget};
 use pinc_record::{CsvText, OutsideDomain, is_same_file, number, read_file, write_output};
+use std::borrow::Cow;
 use std::collections::HashMap;
 use std::path::Path;
 
@@ -52,7 +53,7 @@ pub fn predict(
     };
     let mut errors = judged.map(|experiment| ChainedError::new(experiment, &net)).transpose()?;
     let text = read_file(inputs)?;
-    let mut guard = Guard::new(&net, policy);
+    let mut guard = Guard::new(Cow::Borrowed(&net), policy, None);
     let table = run(&net, inputs, &text, (&mut guard, errors.as_mut()))?;
     write_output(output, table.as_bytes())?;
     Ok(guard.found())

@@ -10,6 +10,9 @@ use crate::{ControlSpec, Experiment, ModelKind, OnError};
 use pinc_mpc::{MpcError, Softness, Weight};
 use pinc_ode::Integrator;
 
+/// What is expected of bounds on outputs where there are none.
+pub(super) const NO_OUTPUTS: &str = "no such key: the plant has no outputs that are not states";
+
 /// `[control]`.
 pub(super) fn closed_loop(
     experiment: &Experiment,
@@ -18,6 +21,7 @@ pub(super) fn closed_loop(
 ) -> Checked {
     let (states, inputs) = (variables.states.len(), variables.inputs.len());
     models(spec)?;
+    positive("control.duration_s", spec.duration_s)?;
     plant_in_the_loop(experiment, spec, variables)?;
     if let Some(step_s) = spec.step_s {
         positive("control.step_s", step_s)?;
@@ -66,11 +70,12 @@ pub(super) fn closed_loop(
 fn output_bounds(spec: &ControlSpec, variables: &Variables) -> Checked {
     let outputs = variables.own_outputs().len();
     let sides = [spec.output_low.as_deref(), spec.output_high.as_deref()];
-    for (key, side) in ["low", "high"].into_iter().zip(sides) {
-        if let Some(side) = side.filter(|_| outputs == 0) {
-            let expected = "no such key: the plant has no outputs that are not states";
-            return value(&format!("control.output_{key}"), format!("{side:?}"), expected);
-        }
+    let mut given = ["low", "high"].into_iter().zip(sides);
+    let given = given.find_map(|(key, side)| side.map(|side| (key, format!("{side:?}"))));
+    let soft = (spec.output_softness != Softness::Hard)
+        .then(|| ("softness", format!("{:?}", spec.output_softness).to_lowercase()));
+    if let Some((key, found)) = given.or(soft).filter(|_| outputs == 0) {
+        return value(&format!("control.output_{key}"), found, NO_OUTPUTS);
     }
     bounds("control.output_", sides, outputs, "output")?;
     if let Softness::Penalty(weights) = &spec.output_softness {

@@ -115,8 +115,19 @@ fn unknown_parameters(
     for (i, parameter) in spec.parameters.iter().enumerate() {
         not_negative(&key(i, "initial_sd"), parameter.initial_sd)?;
         not_negative(&key(i, "drift_sd"), parameter.drift_sd)?;
-        if let (Some(low), Some(high)) = (parameter.low, parameter.high) {
+        let [low, high] = [parameter.low, parameter.high];
+        if let (Some(low), Some(high)) = (low, high) {
             ordered(&key(i, "low"), low, high)?;
+        }
+        let within = low.unwrap_or(f64::NEG_INFINITY)..=high.unwrap_or(f64::INFINITY);
+        if !within.contains(&parameter.initial) {
+            let expected =
+                format!("a value within its limits, {} to {}", within.start(), within.end());
+            return value(&key(i, "initial"), parameter.initial, &expected);
+        }
+        if let Some(fixed) = control.parameters.get(&parameter.name) {
+            let expected = format!("no value: it is estimated, from `{}` on", key(i, "initial"));
+            return value(&format!("control.parameters.{}", parameter.name), fixed, &expected);
         }
         let name = &parameter.name;
         known_to_net(&key(i, "name"), format!("{name:?}"), name, (experiment, control))?;

@@ -1,6 +1,7 @@
 //! Checks of what changes during a closed loop: parameters, bounds and loads.
 
 use super::Checked;
+use super::control::NO_OUTPUTS;
 use super::values::{alone, distinct, place, step_mark, value, whole_steps};
 use crate::{ControlSpec, Experiment, OnError, ParameterStep, Variables, steps};
 use std::collections::BTreeMap;
@@ -66,6 +67,9 @@ fn bounds(spec: &ControlSpec, variables: &Variables) -> Checked {
         {
             for (name, &number) in bounds {
                 let key = format!("{BOUNDS}[{i}].{side}.{name}");
+                if known.is_empty() {
+                    return value(&key, number, NO_OUTPUTS);
+                }
                 let place = place(&key, name, known)?;
                 if !spec.bound(at, place).is_some_and(f64::is_finite) {
                     let expected = format!("a bound of {name} in control.{side} to start from");

@@ -286,3 +286,32 @@ fn a_compensated_model_gives_a_problem_that_fits_it() {
         assert!((found - expected).abs() < 1e-9, "{found} {expected}");
     }
 }
+
+/// T P T' for the T of [`Augmentation::read`], which is linear.
+#[test]
+fn the_covariance_of_what_a_controller_sees_follows_from_the_estimates() {
+    for augmentation in augmentations() {
+        let nz = 2 + augmentation.unknowns(spring().dims());
+        let t: Vec<Vec<f64>> = (0..nz)
+            .map(|column| {
+                let mut z = vec![0.0; nz];
+                z[column] = 1.0;
+                let mut seen = vec![0.0; nz];
+                let (x, w) = seen.split_at_mut(2);
+                augmentation.read(&z, x, w);
+                seen
+            })
+            .collect();
+        let p = |i: usize, j: usize| 1.0 / (1 + i + j) as f64;
+        let of_estimate: Vec<f64> = (0..nz * nz).map(|at| p(at / nz, at % nz)).collect();
+        let mut found = Vec::new();
+        augmentation.read_covariance(&of_estimate, 2, &mut found);
+        assert_eq!(found.len(), nz * nz);
+        for (at, found) in found.into_iter().enumerate() {
+            let (row, column) = (at / nz, at % nz);
+            let pairs = (0..nz).flat_map(|i| (0..nz).map(move |j| (i, j)));
+            let expected: f64 = pairs.map(|(i, j)| t[i][row] * p(i, j) * t[j][column]).sum();
+            assert!((found - expected).abs() < 1e-14, "{augmentation:?} {row} {column}");
+        }
+    }
+}

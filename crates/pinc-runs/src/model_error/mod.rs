@@ -2,7 +2,7 @@
 
 use crate::RunError;
 use pinc_config::{ControlSpec, OnError};
-use pinc_estimate::{Augmentation, Disturbance, Measured};
+use pinc_estimate::{Augmentation, Disturbance, InnerArguments, Measured};
 use pinc_mpc::Judge;
 use pinc_net::PincNet;
 use pinc_ode::DynPlant;
@@ -74,11 +74,7 @@ pub(crate) fn read<R>(log: &SharedLog, f: impl FnOnce(&ErrorLog) -> R) -> R {
 #[derive(Debug)]
 pub(crate) struct NetError {
     estimate: ErrorEstimate,
-    /// How the arguments of the controller's model become arguments of the net.
-    augmentation: Option<Augmentation>,
-    x: Vec<f64>,
-    u: Vec<f64>,
-    p: Vec<f64>,
+    arguments: InnerArguments,
 }
 
 impl NetError {
@@ -87,21 +83,15 @@ impl NetError {
         plant: &dyn DynPlant,
         augmentation: Option<&Augmentation>,
     ) -> Result<Self, RunError> {
-        let (estimate, dims) = (ErrorEstimate::new(net, plant)?, plant.dims());
-        let [x, u, p] = [dims.nx, dims.nu, dims.np].map(|size| vec![0.0; size]);
-        Ok(Self { estimate, augmentation: augmentation.cloned(), x, u, p })
+        let arguments = InnerArguments::new(plant.dims(), augmentation.cloned());
+        Ok(Self { estimate: ErrorEstimate::new(net, plant)?, arguments })
     }
 }
 
 impl StageError for NetError {
     fn write(&mut self, x: &[f64], u: &[f64], p: &[f64], error: &mut [f64]) {
-        self.x.copy_from_slice(x);
-        self.u.copy_from_slice(u);
-        match &self.augmentation {
-            Some(of) => of.arguments(&mut self.x, &mut self.u, p, &mut self.p),
-            None => self.p.copy_from_slice(p),
-        }
-        self.estimate.write(&self.x, &self.u, &self.p, error);
+        let [x, u, p] = self.arguments.of(x, u, p);
+        self.estimate.write(x, u, p, error);
     }
 }
 

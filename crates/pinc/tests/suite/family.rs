@@ -178,6 +178,54 @@ fn steps_with_a_parameter_outside_its_range_are_counted() {
     assert!((farthest - 0.4).abs() < 1e-12, "{found}");
 }
 
+/// As the controller above, one that estimates k asks the net for it outside the range: the estimates
+/// in `estimates.csv` say when. Told to refuse that, the loop ends there, and so does a live step.
+#[test]
+fn steps_with_an_estimate_outside_its_range_are_counted_or_refused() {
+    let dir = tempfile::tempdir().unwrap();
+    let estimator = r#"control.estimator={ kind = "ekf", process_sd = [0.01], measurement_sd = [0.01],
+        initial_estimate = [5.0], initial_sd = [0.01],
+        parameters = [{ name = "k", initial = 3.3, initial_sd = 0.1, drift_sd = 0.05 }] }"#;
+    let estimator = estimator.replace('\n', "");
+    let wear = "control.plant_schedule=[{ start_s = 200.0, values = { k = 2.0 } }]";
+    let sets = [
+        "control.measurement={}",
+        &estimator,
+        wear,
+        "control.models=[\"pinc\"]",
+        "control.max_failed_share=1.0",
+    ];
+    let metrics = run(dir.path(), "worn", &sets);
+    let estimates = fs::read_to_string(dir.path().join("worn/estimates.csv")).unwrap();
+    let mut rows = estimates.lines().map(|line| line.split(',').collect::<Vec<_>>());
+    let place = rows.next().unwrap().iter().position(|name| *name == "k").unwrap();
+    let below: Vec<f64> = rows.map(|row| 2.4 - row[place].parse::<f64>().unwrap()).collect();
+    let expected = below.iter().filter(|below| **below > 0.0).count();
+    let found = &metrics["control"][0]["outside_domain"];
+    assert!(expected > 5, "{below:?}");
+    assert_eq!(found["variables"]["k"]["samples"], expected, "{found}");
+    let most = below.iter().fold(0.0_f64, |most, below| most.max(*below));
+    let farthest = found["variables"]["k"]["farthest"].as_f64().unwrap();
+    assert!((farthest - most).abs() < 1e-9, "{farthest} {most}");
+
+    let model = dir.path().join("worn/model.safetensors").display().to_string();
+    let refuse = [&sets[..], &["control.outside_domain=refuse"]].concat();
+    let sets: Vec<&str> = refuse.iter().flat_map(|set| ["--set", *set]).collect();
+    let mut control = pinc(&["control", "--quiet", "--model", &model, "--out"]);
+    control.arg(dir.path().join("refused")).arg(dir.path().join("tanks.toml")).args(&sets);
+    let refused = outcome(&mut control);
+    assert_eq!(refused.code, Some(1), "{refused:?}");
+    assert!(
+        refused.stderr.contains("k is ") && refused.stderr.contains("2.4 to 3.8"),
+        "{refused:?}"
+    );
+    let sets: Vec<&str> = ["--model", &model].into_iter().chain(sets).collect();
+    let mut served = Served::of(&dir.path().join("tanks.toml"), ModelKind::Pinc, &sets);
+    // An empty tank under a large input has a weak pump.
+    let answers: Vec<String> = (0..6).map(|_| served.ask(&serde_json::json!({ "y": [2.0] })).to_string()).collect();
+    assert!(answers.iter().any(|answer| answer.contains("2.4 to 3.8")), "{answers:?}");
+}
+
 #[test]
 fn schedules_that_make_no_sense_are_refused() {
     let dir = tempfile::tempdir().unwrap();
