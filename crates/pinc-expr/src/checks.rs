@@ -58,7 +58,7 @@ impl Equations {
     }
 
     /// Of these equations without arrays; `others` may have some.
-    pub(crate) fn check_names_are_used(&self, others: &[&str]) -> Result<(), ExpressionError> {
+    pub(crate) fn check_parameters_are_used(&self, others: &[&str]) -> Result<(), ExpressionError> {
         let outputs = self.outputs.values().map(|output| &output.expression);
         let starts = self.algebraic.values().filter_map(|unknown| match &unknown.start {
             Some(Start::Expression(text)) => Some(text),
@@ -73,15 +73,8 @@ impl Equations {
         let is_used = |name: &str| {
             used.contains(name) || name.split('[').next().is_some_and(|array| used.contains(array))
         };
-        if let Some(name) = self.parameters.keys().find(|name| !is_used(name)) {
-            return Err(ExpressionProblem::UnusedParameter.at(format!("parameters.{name}")));
-        }
-        // Of an array one element is enough: sums and neighbours may leave out its ends.
-        let arrays: BTreeSet<_> = used.iter().filter_map(|name| array(name)).collect();
-        let is_used =
-            |name: &str| is_used(name) || array(name).is_some_and(|of| arrays.contains(of));
-        match self.intermediates.keys().find(|name| !is_used(name)) {
-            Some(name) => Err(ExpressionProblem::UnusedIntermediate.at(format!("let.{name}"))),
+        match self.parameters.keys().find(|name| !is_used(name)) {
+            Some(name) => Err(ExpressionProblem::UnusedParameter.at(format!("parameters.{name}"))),
             None => Ok(()),
         }
     }
@@ -139,9 +132,4 @@ impl Equations {
         }
         Ok(order)
     }
-}
-
-/// The array that an element is of.
-fn array(name: &str) -> Option<&str> {
-    name.split_once('[').map(|(array, _)| array)
 }

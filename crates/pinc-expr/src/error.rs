@@ -89,9 +89,6 @@ pub enum ExpressionProblem {
     /// A parameter that no expression has.
     #[error("no expression uses this parameter; remove it")]
     UnusedParameter,
-    /// An intermediate expression that no other has.
-    #[error("no expression uses this one; remove it")]
-    UnusedIntermediate,
     /// The output of a net that no expression has.
     #[error("no expression uses this output; remove it")]
     UnusedOutput,

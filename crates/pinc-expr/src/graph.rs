@@ -292,7 +292,8 @@ impl Graph {
         }
     }
 
-    /// `a^b`: by multiplications where b is whole, else as e^(b log a), for positive a.
+    /// `a^b`: by multiplications where b is whole, else for a of 0 or more, where b varies as
+    /// e^(b log a).
     pub(crate) fn power(&mut self, a: Value, b: Value) -> Value {
         match (self.number(a), self.number(b)) {
             (Some(a), Some(b)) => self.constant(a.powf(b)),
@@ -301,12 +302,22 @@ impl Graph {
             }
             (None, Some(0.5)) => self.function(Function::Sqrt, a),
             (None, Some(p)) => self.unary(Operation::Power(Number::new(p)), a),
-            (_, None) => {
-                let logarithm = self.function(Function::Log, a);
-                let exponent = self.mul(b, logarithm);
-                self.function(Function::Exp, exponent)
-            }
+            (_, None) => self.varying_power(a, b),
         }
+    }
+
+    /// e^(b log a) for positive a. At 0, where log has no slope, it is 0 with the slope 0 for positive b
+    /// and infinite for others, as the square root and 1 divided by it; below 0 no number, as these.
+    fn varying_power(&mut self, a: Value, b: Value) -> Value {
+        let one = self.constant(1.0);
+        let positive = self.choose(a, one, a);
+        let logarithm = self.function(Function::Log, positive);
+        let exponent = self.mul(b, logarithm);
+        let power = self.function(Function::Exp, exponent);
+        let root = self.function(Function::Sqrt, a);
+        let inverse = self.div(one, root);
+        let at_zero = self.choose(b, inverse, root);
+        self.choose(a, at_zero, power)
     }
 
     fn whole_power(&mut self, a: Value, p: f64) -> Value {

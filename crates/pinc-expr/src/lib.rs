@@ -274,7 +274,7 @@ impl Equations {
     pub fn compile_beside(&self, others: &[&str]) -> Result<ExpressionPlant, ExpressionError> {
         self.unrolled(|plain| {
             let graph = plain.graph(&[])?;
-            plain.check_names_are_used(others)?;
+            plain.check_parameters_are_used(others)?;
             graph.compile()
         })
     }

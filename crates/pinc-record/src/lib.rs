@@ -52,9 +52,10 @@ pub use identification::{
     ResidualMetrics, StartMetrics, WorkMetrics,
 };
 pub use metrics::{
-    ControlMetrics, CostMetrics, DISTILLED, EstimatorMetrics, Excess, FileNote, FirstPlanMetrics,
-    Metrics, ModelErrorMetrics, OneStepMetrics, OutsideDomain, PredictionMetrics, ReferenceMetrics,
-    StepErrors, SweepMetrics, TrainingMetrics, TubeMetrics, ValidationMetrics, is_failure,
+    BrokenBounds, ControlMetrics, CostMetrics, DISTILLED, EstimatorMetrics, Excess, FileNote,
+    FirstPlanMetrics, Metrics, ModelErrorMetrics, OneStepMetrics, OutsideDomain, PredictionMetrics,
+    ReferenceMetrics, StepErrors, SweepMetrics, TrainingMetrics, TubeMetrics, ValidationMetrics,
+    is_failure,
 };
 pub use provenance::{Invocation, Provenance};
 pub use run_dir::RunDir;

@@ -9,6 +9,7 @@ use crate::RunError;
 use crate::progress::Stage;
 use pinc_check::{Metered, Rehearsal, Work};
 use pinc_config::{ControlSpec, Experiment, HorizonPlants, ModelKind, Schedule, Variables};
+use pinc_estimate::Augmentation;
 use pinc_loop::{ClosedLoop, Violation};
 use pinc_mpc::{BoundSchedule, Bounded, Nmpc, NmpcProblem, Reference, Scenarios};
 use pinc_net::{PincNet, TrainingTarget};
@@ -317,11 +318,19 @@ impl<'a> LoopSetup<'a> {
 }
 
 impl LoopSetup<'_> {
+    /// What the model has besides the net.
+    pub(crate) fn unknowns(
+        &self,
+        plant: &dyn DynPlant,
+    ) -> (Option<Augmentation>, Option<Scenarios>) {
+        let augmentation = self.sections().map(|(of, by)| self.augmentation(of, &by, plant));
+        (augmentation, self.scenarios.clone())
+    }
+
     /// What watches the net, if that is the model.
     fn guard(&self, kind: ModelKind, plant: &dyn DynPlant) -> Option<Guard<'_>> {
         let net = self.net.filter(|_| self.spec.model_of(kind) == ModelKind::Pinc)?;
-        let augmentation = self.sections().map(|(of, by)| self.augmentation(of, &by, plant));
-        Some(Guard::new(Cow::Borrowed(net), self.spec.outside_domain, augmentation))
+        Some(Guard::new(Cow::Borrowed(net), self.spec.outside_domain, self.unknowns(plant)))
     }
 
     /// The control problem.

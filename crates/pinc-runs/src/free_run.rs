@@ -32,7 +32,7 @@ pub(crate) fn stage(
     // The initial state is given, not predicted.
     let marks: Vec<_> = rows[1..].iter().filter(|row| row.mark).collect();
     let all: Vec<_> = rows[1..].iter().collect();
-    let mut guard = Guard::new(Cow::Borrowed(net), OutsidePolicy::Report, None);
+    let mut guard = Guard::new(Cow::Borrowed(net), OutsidePolicy::Report, (None, None));
     if net.time_only().is_none() {
         rows.iter()
             .filter(|row| row.mark)

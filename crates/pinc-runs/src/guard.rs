@@ -3,6 +3,7 @@
 use crate::RunError;
 use pinc_config::OutsidePolicy;
 use pinc_estimate::{Augmentation, InnerArguments};
+use pinc_mpc::Scenarios;
 use pinc_net::PincNet;
 use pinc_ode::Dims;
 use pinc_record::{Excess, OutsideDomain, significant};
@@ -17,20 +18,22 @@ pub(crate) struct Guard<'n> {
     net: Cow<'n, PincNet>,
     policy: OutsidePolicy,
     arguments: InnerArguments,
+    scenarios: Option<Scenarios>,
     found: OutsideDomain,
 }
 
 impl<'n> Guard<'n> {
-    /// Of a net by itself, or with the augmentation of the controller's model.
+    /// Of a net by itself, or with what the controller's model has: an augmentation, or branches whose
+    /// parameters are looked at.
     pub(crate) fn new(
         net: Cow<'n, PincNet>,
         policy: OutsidePolicy,
-        augmentation: Option<Augmentation>,
+        (augmentation, scenarios): (Option<Augmentation>, Option<Scenarios>),
     ) -> Self {
         let [nx, nu] = [net.state_names(), net.input_names()].map(<[_]>::len);
         let dims = Dims::new(nx, nu).with_parameters(net.parameter_names().count());
         let arguments = InnerArguments::new(dims, augmentation);
-        Self { net, policy, arguments, found: OutsideDomain::default() }
+        Self { net, policy, arguments, scenarios, found: OutsideDomain::default() }
     }
 
     /// Counts a use in the state `x` under the input `u` with the parameters `p` of the model; an
@@ -41,8 +44,17 @@ impl<'n> Guard<'n> {
         let domain = self.net.domain();
         let variables = self.net.state_names().iter().chain(self.net.input_names());
         let names = variables.map(String::as_str).chain(self.net.parameter_names());
+        let mut excesses: Vec<f64> = domain.excess(x, u, p).collect();
+        if let Some(Scenarios { parameters, values, .. }) = &self.scenarios {
+            let mut p = p.to_vec();
+            for values in values {
+                parameters.iter().zip(values).for_each(|(&place, value)| p[place] = *value);
+                let of_branch = domain.excess(x, u, &p);
+                excesses.iter_mut().zip(of_branch).for_each(|(most, of)| *most = most.max(of));
+            }
+        }
         let mut outside = false;
-        for ((name, excess), (low, high)) in names.zip(domain.excess(x, u, p)).zip(domain.ends()) {
+        for ((name, excess), (low, high)) in names.zip(excesses).zip(domain.ends()) {
             if excess <= ROUNDING * (high - low) {
                 continue;
             }

@@ -132,10 +132,9 @@ impl LiveController {
         let chosen = Chosen::of(experiment, model, only, command)?;
         let (setup, spec) = (chosen.setup(), chosen.spec);
         let (nmpc, error_log) = setup.judged_controller(chosen.kind, &*chosen.plant)?;
-        let augmentation =
-            setup.sections().map(|(of, by)| setup.augmentation(of, &by, &*chosen.plant));
         let net = chosen.net().cloned().map(Cow::Owned);
-        let guard = net.map(|net| Guard::new(net, spec.outside_domain, augmentation));
+        let unknowns = setup.unknowns(&*chosen.plant);
+        let guard = net.map(|net| Guard::new(net, spec.outside_domain, unknowns));
         let dims = nmpc.model().dims();
         let mut live = Self {
             observer: LiveEstimator::of(&setup, chosen.kind, &*chosen.plant)?,

@@ -53,7 +53,7 @@ pub fn predict(
     };
     let mut errors = judged.map(|experiment| ChainedError::new(experiment, &net)).transpose()?;
     let text = read_file(inputs)?;
-    let mut guard = Guard::new(Cow::Borrowed(&net), policy, None);
+    let mut guard = Guard::new(Cow::Borrowed(&net), policy, (None, None));
     let table = run(&net, inputs, &text, (&mut guard, errors.as_mut()))?;
     write_output(output, table.as_bytes())?;
     Ok(guard.found())

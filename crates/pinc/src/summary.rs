@@ -82,6 +82,7 @@ fn metrics(text: &mut String, metrics: &Metrics) -> std::fmt::Result {
         if let Some(best) = &sweep.best {
             writeln!(text, "best        {best}: {}", file::BEST)?;
         }
+        notes(text, sweep.loop_notes())?;
     }
     if let Some(finding) = metrics.domain_finding() {
         writeln!(text, "warning: {finding}")?;
@@ -119,10 +120,11 @@ fn metrics(text: &mut String, metrics: &Metrics) -> std::fmt::Result {
             writeln!(text, "             {found}")?;
         }
     }
-    for note in metrics.loop_notes() {
-        writeln!(text, "note: {note}")?;
-    }
-    Ok(())
+    notes(text, metrics.loop_notes())
+}
+
+fn notes(text: &mut String, notes: Vec<String>) -> std::fmt::Result {
+    notes.into_iter().try_for_each(|note| writeln!(text, "note: {note}"))
 }
 
 /// The metrics in the table of closed loops, and the widths of their columns. The dense trace is

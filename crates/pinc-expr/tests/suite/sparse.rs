@@ -257,3 +257,37 @@ fn outputs_have_the_derivatives_of_dual_numbers() {
     assert!(close(&d, &[0.0, 0.0, 12.0]) && close(&e, &[2.0, 0.0, 0.0]), "{d:?} {e:?}");
     assert_eq!(plant.dims().ny, 3);
 }
+
+/// At 0, where the logarithm ends, the values and slopes are those of a number as the exponent.
+#[test]
+fn powers_with_an_exponent_that_varies() {
+    let equations = Equations {
+        states: variables(&["x", "y"]),
+        inputs: variables(&["u"]),
+        derivatives: texts(&[("x", "x^y"), ("y", "u")]),
+        ..Equations::default()
+    };
+    let plant = equations.compile().expect("valid equations").into_dyn();
+    let at = |x: f64, y: f64| {
+        let mut rates = [0.0; 2];
+        plant.rhs(&[x, y], &[0.0], &[], &mut rates);
+        let slopes = plant.jacobian(&[x, y], &[0.0], &[]);
+        [rates[0], slopes[0], slopes[1]]
+    };
+    let ln_2 = std::f64::consts::LN_2;
+    for (x, y, expected) in [
+        (0.0, 2.0, [0.0; 3]),
+        (0.0, 0.5, [0.0; 3]),
+        (-0.0, 1.5, [0.0; 3]),
+        (2.0, 3.0, [8.0, 12.0, 8.0 * ln_2]),
+        (2.0, -1.0, [0.5, -0.25, 0.5 * ln_2]),
+        (1e-12, 2.0, [1e-24, 2e-12, 1e-24 * 1e-12_f64.ln()]),
+    ] {
+        for (found, expected) in at(x, y).into_iter().zip(expected) {
+            assert!((found - expected).abs() <= 1e-14 * expected.abs(), "{x}^{y}: {found}");
+        }
+    }
+    for (x, y) in [(0.0, -1.0), (-1.0, 2.0), (-1e-9, 0.5)] {
+        assert!(!at(x, y)[0].is_finite(), "{x}^{y}");
+    }
+}

@@ -164,12 +164,37 @@ pub struct SweepMetrics {
     /// Those that a search has dropped before they were run.
     #[serde(default, skip_serializing_if = "is_zero")]
     pub dropped: usize,
+    /// The models whose loop broke a hard bound in some trials that are done.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub broken_bounds: Vec<BrokenBounds>,
     /// The best candidate of a search, in words.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub best: Option<String>,
 }
 
+/// The trials of a sweep in which a loop broke a hard bound.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct BrokenBounds {
+    /// The model.
+    pub model: ModelKind,
+    /// How many there are.
+    pub trials: usize,
+}
+
 impl SweepMetrics {
+    /// What went wrong in the loops of trials that are done, in words.
+    #[must_use]
+    pub fn loop_notes(&self) -> Vec<String> {
+        let note = |BrokenBounds { model, trials }: &BrokenBounds| {
+            let (title, name, done) = (model.title(), model.name(), self.done);
+            format!(
+                "With {title} a hard bound was broken in {trials} of {done} trials: column \
+                 `{name}_max_violation` of sweep.csv."
+            )
+        };
+        self.broken_bounds.iter().map(note).collect()
+    }
+
     /// Those that are still to be run.
     #[must_use]
     pub fn pending(&self) -> usize {

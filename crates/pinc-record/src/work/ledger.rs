@@ -1,10 +1,11 @@
 //! The ledger of finished trials.
 
+use crate::ViolationMetrics;
 use crate::error::RecordError;
-use crate::metrics::SweepMetrics;
+use crate::metrics::{BrokenBounds, SweepMetrics};
 use crate::search::{Best, Eligibility, Search};
 use crate::sweep_dir::{Ending, Finished, SweepDir};
-use pinc_config::{Experiment, Trial};
+use pinc_config::{Experiment, ModelKind, Trial};
 use std::collections::HashMap;
 
 /// The results of the trials of a sweep, as far as they are over.
@@ -106,7 +107,20 @@ impl<'a> Ledger<'a> {
             done: over.count() - failed,
             failed,
             dropped: dropped.count(),
+            broken_bounds: self.broken_bounds(),
             best: None,
         }
+    }
+
+    fn broken_bounds(&self) -> Vec<BrokenBounds> {
+        let done = self.results.iter().flatten().filter(|of| of.ending == Ending::Done);
+        let loops = done.flat_map(|of| &of.metrics.control);
+        let broken = loops.filter(|of| of.violations.iter().any(ViolationMetrics::is_noteworthy));
+        let models: Vec<ModelKind> = broken.map(|of| of.model).collect();
+        let of = |model: ModelKind| BrokenBounds {
+            model,
+            trials: models.iter().filter(|of| **of == model).count(),
+        };
+        ModelKind::ALL.map(of).into_iter().filter(|of| of.trials > 0).collect()
     }
 }

@@ -144,12 +144,12 @@ fn metrics(run: &Run, trials: &Trials) -> Vec<Metric> {
         ),
         pictured(&metric::RMSE_DENSE, "rmse", "Closed loop: root mean square error", false),
     ];
-    // What cases are told apart by, beside how well they follow.
-    let of_cases = [
-        pictured(&metric::OFFSET_MAX, "offset", "Closed loop: offset at rest", false),
-        pictured(&metric::MAX_VIOLATION, "violation", "Closed loop: violation of bounds", false),
-    ];
-    let of_cases = of_cases.into_iter().filter(|_| trials.are_of_cases());
+    // What cases are told apart by, beside how well they follow, and why plants are drawn.
+    let offset = pictured(&metric::OFFSET_MAX, "offset", "Closed loop: offset at rest", false);
+    let (title, stem) = ("Closed loop: violation of bounds", "violation");
+    let violation = pictured(&metric::MAX_VIOLATION, stem, title, false);
+    let of_cases = trials.are_of_cases().then_some(offset);
+    let of_cases = of_cases.into_iter().chain(trials.has_draws().then_some(violation));
     let is_worth = |metric: &Metric, column: TrialMetric| {
         let varies = || metric.spreads(trials, column).any(|spread| spread.max > spread.min);
         trials.has(column) && (!trials.has_draws() || trials.are_of_cases() || varies())

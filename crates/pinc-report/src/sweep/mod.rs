@@ -23,7 +23,7 @@ use crate::picture::Picture;
 use crate::trials::{self, Cell, Spread, Trials};
 use metric::{Metric, Selection};
 use pinc_chart::text::{self, MISSING};
-use pinc_record::TrialMetric;
+use pinc_record::{SweepMetrics, TrialMetric};
 
 /// The pictures of a sweep.
 pub(crate) fn pictures(run: &Run, trials: &Trials) -> Result<Vec<Picture>, ReportError> {
@@ -70,6 +70,10 @@ pub(crate) fn paragraph(run: &Run, trials: &Trials) -> String {
                 n => format!("{} have", text::count(n)),
             }
         );
+    }
+    let sweep = run.metrics.as_ref().and_then(|metrics| metrics.sweep.as_ref());
+    for note in sweep.map(SweepMetrics::loop_notes).unwrap_or_default() {
+        summary += &format!(" {note}");
     }
     if search::of(&run.experiment).is_none() && !accuracy_cost::is_there(trials) {
         summary += &Selection::of(run, trials).sentence();
