@@ -37,7 +37,7 @@ pub(crate) fn examine(subject: &Subject<'_>) -> Vec<Finding> {
         measured.join(", ")
     );
     let mut findings = vec![Finding::fact(SECTION, what)];
-    findings.extend(offset(control, estimator, &names, &measured));
+    findings.extend(offset(control, estimator, (&variables, &names), &measured));
     if let Some(Ok(rehearsal)) = &subject.evidence.rehearsal {
         let marks = marks(rehearsal, subject.step_s());
         findings.extend(gate::examine(subject, (control, estimator), (rehearsal, &marks)));
@@ -68,7 +68,7 @@ pub(crate) fn examine(subject: &Subject<'_>) -> Vec<Finding> {
 fn offset(
     control: &ControlSpec,
     estimator: &EstimatorSpec,
-    names: &[String],
+    (variables, names): (&Variables, &[String]),
     measured: &[String],
 ) -> Vec<Finding> {
     let mut findings = Vec::new();
@@ -106,7 +106,34 @@ fn offset(
             .change("measure it, or control what is measured");
         findings.push(finding);
     }
+    if estimator.disturbance == DisturbanceSpec::Output {
+        findings.extend(bounded_unseen(control, variables, measured));
+    }
     findings
+}
+
+/// Outputs with bounds that no estimated disturbance is added to.
+fn bounded_unseen(
+    control: &ControlSpec,
+    variables: &Variables,
+    measured: &[String],
+) -> Option<Finding> {
+    let sides = [&control.output_low, &control.output_high];
+    let is_bounded =
+        |i: usize| sides.iter().any(|side| side.as_ref().is_some_and(|side| side[i].is_finite()));
+    let names = variables.own_output_names().into_iter().enumerate();
+    let unseen: Vec<_> = names
+        .filter(|(i, name)| is_bounded(*i) && !measured.contains(name))
+        .map(|(_, name)| name)
+        .collect();
+    if unseen.is_empty() {
+        return None;
+    }
+    let what = format!("{} has bounds, but is not measured", unseen.join(", "));
+    let finding = Finding::warning("control.measurement.measured", what)
+        .because("output disturbances correct measured quantities alone: the plant may break them")
+        .change("measure it, or take another disturbance");
+    Some(finding)
 }
 
 /// The conditions at a steady state.

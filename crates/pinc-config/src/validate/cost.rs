@@ -3,7 +3,7 @@
 use super::values::value;
 use super::{Checked, Problem, expression_finding};
 use crate::control::is_no_weight;
-use crate::{ControlSpec, Experiment, PlantSpec, Variables};
+use crate::{ControlSpec, DisturbanceSpec, Experiment, PlantSpec, Variables};
 use pinc_mpc::SqpHessian;
 
 /// What is written, or left out, of the cost.
@@ -43,6 +43,12 @@ pub(super) fn expressions(
     if spec.sqp.hessian == SqpHessian::GaussNewton {
         let expected = "\"auto\" or \"adaptive\" with [control.cost], whose Hessian is exact";
         return value("control.sqp.hessian", "\"gauss-newton\"", expected);
+    }
+    let estimator = spec.estimator.as_ref();
+    if estimator.is_some_and(|of| of.disturbance == DisturbanceSpec::Output) {
+        let expected = "another one with [control.cost], whose states and outputs are the model's, \
+                        without disturbances";
+        return value("control.estimator.disturbance", "\"output\"", expected);
     }
     let mut taken =
         [variables.state_names(), variables.input_names(), variables.output_names()].concat();
