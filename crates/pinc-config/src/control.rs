@@ -274,6 +274,10 @@ impl ControlSpec {
             output_softness: self.output_softness(variables),
             delay: self.delay_steps,
             periodic: places(&self.periodic, &variables.states),
+            end_states: places(
+                &self.end_state.keys().cloned().collect::<Vec<_>>(),
+                &variables.states,
+            ),
             ..NmpcProblem::new(variables.dims(), self.n2, weights)
         }
     }

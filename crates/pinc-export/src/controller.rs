@@ -255,7 +255,8 @@ impl<'a> Controller<'a> {
     /// The largest multipliers of the states' bounds, over all stages.
     pub(crate) fn penalties(&self, dims: Dims) -> Vec<f64> {
         let all = 0..self.problem.horizon * dims.nx;
-        all.map(|v| penalty(&self.problem.state_softness, v % dims.nx)).collect()
+        let last = self.problem.horizon - 1;
+        all.map(|v| self.problem.state_penalty(v % dims.nx, v / dims.nx == last)).collect()
     }
 }
 

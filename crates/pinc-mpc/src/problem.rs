@@ -79,8 +79,11 @@ pub struct NmpcProblem {
     /// stages of different lengths do not go with more than one.
     pub scenarios: Option<Scenarios>,
     /// The states that end the horizon where it begins, x\[k+N2\] = x\[k\], by their places in ascending
-    /// order: the plan is an orbit in them. That is as hard as the bounds on these states.
+    /// order: the plan is an orbit in them, whatever [`NmpcProblem::state_softness`].
     pub periodic: Vec<usize>,
+    /// The states, by their places, whose bounds at the end of the horizon are met as hard ones, whatever
+    /// [`NmpcProblem::state_softness`].
+    pub end_states: Vec<usize>,
 }
 
 impl NmpcProblem {
@@ -119,7 +122,18 @@ impl NmpcProblem {
             state_sizes: None,
             scenarios: None,
             periodic: Vec::new(),
+            end_states: Vec::new(),
         }
+    }
+
+    /// The most that a multiplier of state `i` may be, at the end of the horizon or before.
+    #[must_use]
+    pub fn state_penalty(&self, i: usize, at_end: bool) -> f64 {
+        let is_met = at_end && (self.periodic.contains(&i) || self.end_states.contains(&i));
+        if is_met && matches!(self.state_softness, Softness::Penalty(_)) {
+            return f64::INFINITY;
+        }
+        self.state_softness.penalty(i)
     }
 
     /// Checks the problem against a model of dimensions `dims`.
@@ -148,6 +162,9 @@ impl NmpcProblem {
         for (i, &place) in self.periodic.iter().enumerate() {
             let least = i.checked_sub(1).map_or(0, |before| self.periodic[before] + 1);
             check_range("periodic", place, least, dims.nx - 1)?;
+        }
+        for &place in &self.end_states {
+            check_range("end_states", place, 0, dims.nx - 1)?;
         }
         if !self.periodic.is_empty() && self.scenarios.is_some() {
             return Err(MpcError::WithOrbit("scenarios"));

@@ -33,15 +33,14 @@ impl Limit {
     pub(crate) fn of([low, high, penalty]: [f64; 3], mu: f64, margin: f64) -> (Self, Option<bool>) {
         let upper = mu > 0.0 || mu == 0.0 && high < -low;
         let at = if upper { Self::AT_HIGH } else { Self::AT_LOW };
-        if high <= low {
-            return (at, None);
-        }
         let room = if upper { high } else { -low };
         let lacking = penalty - mu.abs();
         // A multiplier is large, a row is far from its limit, or it is beyond it.
         let (limit, clear) = if lacking < mu.abs() && -room > lacking {
             let saturated = if upper { 1.0 } else { -1.0 };
             (Self { saturated, ..Self::INACTIVE }, -room)
+        } else if high <= low {
+            (at, lacking)
         } else if mu.abs() > room {
             (at, mu.abs().min(lacking))
         } else {

@@ -14,8 +14,10 @@ pub trait Tube: Debug + Send {
     fn set_covariance(&mut self, covariance: &[f64]);
 
     /// How many of the first quadratic programs of a step have bounds that are tightened anew. The
-    /// first one's are tightened along the plan of the step before, later ones' along their own.
-    fn programs(&self) -> usize {
+    /// first one's are tightened along the plan of the step before, or if `is_first` there is none and
+    /// they follow a guess; later ones' along their own.
+    fn programs(&self, is_first: bool) -> usize {
+        let _ = is_first;
         1
     }
 }

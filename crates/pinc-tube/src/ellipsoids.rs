@@ -12,6 +12,9 @@ use pinc_ode::{Dims, LinearizationBuffer, OutputLinearization, Stages};
 /// A model's error that is no number, or larger, counts as so many units of its state.
 const MOST: f64 = 1e3;
 
+/// How many programs of a step without a plan before it have bounds of their own, at least.
+const FIRST_PROGRAMS: usize = 10;
+
 /// The tube of a linearized plan.
 ///
 /// With A and B along the plan, a feedback K on deviations and M = A + B K, there are three kinds of
@@ -412,7 +415,10 @@ impl Tube for EllipsoidTube {
         }
     }
 
-    fn programs(&self) -> usize {
-        self.programs
+    fn programs(&self, is_first: bool) -> usize {
+        let Sources { parameters, error, .. } = &self.sources;
+        // What moves with the plan may be small along a guess.
+        let moves = !parameters.is_empty() || error.is_some() || self.estimated > 0;
+        if is_first && moves { self.programs.max(FIRST_PROGRAMS) } else { self.programs }
     }
 }

@@ -52,8 +52,8 @@ impl Tightening {
 
     /// See [`Tube::programs`].
     #[must_use]
-    pub fn programs(&self) -> usize {
-        self.tube.programs()
+    pub fn programs(&self, is_first: bool) -> usize {
+        self.tube.programs(is_first)
     }
 
     /// Writes the bounds tightened along a plan, in the order of those given. Where a lower bound

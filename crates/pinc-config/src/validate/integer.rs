@@ -44,5 +44,9 @@ pub(super) fn target(control: &ControlSpec) -> Checked {
     if control.target && control.controlled.is_empty() {
         return value("control.target", true, "false without controlled quantities");
     }
-    Ok(())
+    let others = [
+        ("control.bound_schedule", !control.bound_schedule.is_empty()),
+        (KEY, !control.integer.is_empty()),
+    ];
+    if control.target { alone("control.target", true, "key", &others) } else { Ok(()) }
 }

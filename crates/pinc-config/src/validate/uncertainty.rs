@@ -37,6 +37,7 @@ pub(super) fn uncertainty(
     let others = [
         ("[control.scenarios]", control.scenarios.is_some()),
         ("control.stages_s", control.stages_s.is_some()),
+        ("control.free_time", control.free_time.is_some()),
         ("control.delay_steps", control.delay_steps > 0),
         ("on_error = \"integrator\"", control.on_error == OnError::Integrator),
         ("on_error = \"correct\"", control.on_error == OnError::Correct),

@@ -63,3 +63,56 @@ fn ranges_come_from_the_loops_bounds() {
     one_sided.state_low = None;
     assert!(one_sided.state_ranges().is_empty());
 }
+
+/// What one key says and another one takes back.
+#[test]
+fn keys_that_contradict_the_estimator_are_refused() {
+    let oscillator = read("configs/van-der-pol/control.toml");
+    let estimator = [
+        "control.measurement={ measured = [\"x1\"] }",
+        "control.estimator={ kind = \"ekf\", process_sd = [0.1, 0.1], measurement_sd = [0.1], \
+         initial_estimate = [0.0, 0.0], initial_sd = [0.1, 0.1] }",
+    ];
+    let refused = |more: &[&str], expected: &str| {
+        let error = parse(&oscillator, &[&estimator[..], more].concat()).unwrap_err();
+        assert!(error.contains(expected), "{more:?}: {error}");
+    };
+    assert!(parse(&oscillator, &estimator).is_ok());
+    let output = [
+        "control.estimator.disturbance=output",
+        "control.estimator.disturbance_sd=[0.1]",
+        "control.estimator.disturbance_initial_sd=[0.1]",
+        "control.cost={ stage = \"x1^2\" }",
+    ];
+    refused(
+        &output,
+        "`control.estimator.disturbance`: \"output\" given, expected another one with",
+    );
+    let target = [
+        "control.target=true",
+        "control.bound_schedule=[{ start_s = 5.0, input_high = { u = 0.5 } }]",
+    ];
+    refused(&target, "`control.target`: true given");
+    let mu = |rest: &str| {
+        let name = "name = \"mu\", initial_sd = 0.1, drift_sd = 0.0";
+        format!("control.estimator.parameters=[{{ {name}, {rest} }}]")
+    };
+    let outside = mu("initial = 1.0, low = 1.2, high = 1.3");
+    refused(
+        &[&outside],
+        "`control.estimator.parameters[0].initial`: 1 given, expected a value within its limits, 1.2 to 1.3",
+    );
+}
+
+/// A value that no model would use.
+#[test]
+fn an_estimated_parameter_has_no_other_value() {
+    let text = read("configs/estimation/adaptive.toml");
+    let estimated = parse(&text, &[]).unwrap().control.unwrap().estimator.unwrap();
+    let name = &estimated.parameters[0].name;
+    let error = parse(&text, &[&format!("control.parameters={{ {name} = 1.0 }}")]).unwrap_err();
+    assert!(
+        error.contains(&format!("`control.parameters.{name}`: 1 given, expected no value")),
+        "{error}"
+    );
+}

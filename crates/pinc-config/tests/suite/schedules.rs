@@ -343,3 +343,24 @@ fn schedules_survive_being_written_out_and_swept() {
         .collect();
     assert_eq!(steps, [8, 4]);
 }
+
+/// The states of the oscillator are its only outputs.
+#[test]
+fn bounds_on_outputs_need_outputs() {
+    let oscillator = read("configs/van-der-pol/control.toml");
+    for (set, key) in [
+        (
+            "control.bound_schedule=[{ start_s = 1.0, output_high = { x1 = 0.5 } }]",
+            "control.bound_schedule[0].output_high.x1",
+        ),
+        ("control.output_softness=exact", "control.output_softness"),
+        ("control.output_high=[1.0, 1.0]", "control.output_high"),
+    ] {
+        let error = parse(&oscillator, &[set]).unwrap_err();
+        let expected = "expected no such key: the plant has no outputs that are not states";
+        assert!(error.contains(&format!("`{key}`: ")) && error.contains(expected), "{error}");
+    }
+    let error = parse(&oscillator, &["control.duration_s=-3", "control.close_ups_s=[[0.0, 1.0]]"])
+        .unwrap_err();
+    assert!(error.contains("`control.duration_s`: -3 given"), "{error}");
+}

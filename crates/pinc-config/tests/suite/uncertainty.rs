@@ -88,6 +88,10 @@ fn what_makes_no_tube_is_refused_by_name() {
         (vec![of("probability=often")], "expected a probability, or \"worst-case\""),
         (vec![of("process_sd=[0.1, 0.1]")], "no such key with probability = \"worst-case\""),
         (vec![of("probability=0.9"), of("process_sd=[0.1]")], "1 values given, expected 2"),
+        (
+            vec!["control.free_time=u".into(), "control.input_low=[0.5]".into()],
+            "expected no such table with control.free_time",
+        ),
         (vec![of("probability=0.9"), of("estimate=true")], "expected [control.estimator]"),
         (vec![of("boxes={ w = 0.1 }")], "`w` is not known"),
         (vec![of("boxes={ v = -0.1 }")], "`control.uncertainty.boxes.v`"),

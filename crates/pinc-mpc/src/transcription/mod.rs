@@ -37,6 +37,8 @@ pub(crate) struct Transcription {
     tightening: Option<Tightening>,
     /// Whether bounds are tightened anew wherever the problem is linearized.
     follows_plan: bool,
+    /// Whether the tube follows a guess in this step, for want of a plan before it.
+    is_first: bool,
     /// Whether there are any of these.
     limits_increments: bool,
     /// Bounds on the outputs at all constrained stages, at the ends of the intervals and at their starts.
@@ -87,6 +89,7 @@ impl Transcription {
             increments,
             tightening: None,
             follows_plan: false,
+            is_first: false,
             output_bounds: [output_bounds.clone(), output_bounds],
             constraints: problem.constraints.clone(),
             work: ConstraintWork::new(model, dims.general()),
@@ -112,8 +115,9 @@ impl Transcription {
         qp.bounds.low.copy_from_slice(&self.bounds.low);
         qp.bounds.high.copy_from_slice(&self.bounds.high);
         for (v, penalty) in qp.bounds.penalty[..dims.all_states()].iter_mut().enumerate() {
-            let part = nodes.weights[v / dims.nx + 1];
-            *penalty = part * problem.state_softness.penalty(v % dims.nx);
+            let (node, i) = (v / dims.nx + 1, v % dims.nx);
+            let at_end = dims.tree.depth(node) == problem.horizon;
+            *penalty = nodes.weights[node] * problem.state_penalty(i, at_end);
         }
         qp.increments.low.copy_from_slice(&self.increments.low);
         qp.increments.high.copy_from_slice(&self.increments.high);

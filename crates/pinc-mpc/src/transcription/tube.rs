@@ -45,7 +45,8 @@ impl Transcription {
             return false;
         }
         let shift = !is_known && self.cache.is_filled();
-        if !shift && !is_known {
+        self.is_first = !shift && !is_known;
+        if self.is_first {
             self.cache.follow(horizon, at, &mut || false);
         }
         self.tighten_along(usize::from(shift))
@@ -54,7 +55,7 @@ impl Transcription {
     /// Tightens bounds anew wherever the problem is linearized after so many programs of a step, if the
     /// tube says so.
     pub(crate) fn follow_plan(&mut self, programs: Option<usize>) {
-        let most = self.tightening.as_ref().map_or(0, Tightening::programs);
+        let most = self.tightening.as_ref().map_or(0, |of| of.programs(self.is_first));
         self.follows_plan = programs.is_some_and(|programs| programs < most);
     }
 

@@ -127,6 +127,27 @@ fn a_violation_that_is_allowed_has_derivatives() {
     assert_eq!(gradient(Softness::Hard).0, Regularity::NotOptimal);
 }
 
+/// x = a x0 + b u is to be .3 at a price w: with q x^2 + r u^2 the input keeps it there, or, where that
+/// costs more than w, moves as without it.
+#[test]
+fn a_state_that_may_miss_its_only_value_has_derivatives() {
+    let ([a, b], [q, r]) = ([0.9, 0.5], [1.0, 0.4]);
+    for (w, expected) in [(1e3, -a / b), (1e-2, -q * a * b / (q * b * b + r))] {
+        let problem = NmpcProblem {
+            state_bounds: Bounds::new(vec![0.3], vec![0.3]),
+            state_softness: Softness::Penalty(vec![w]),
+            ..NmpcProblem::new(Dims::new(1, 1), 1, Weights::uniform(vec![q], vec![r]))
+        };
+        let config = SqpConfig::default();
+        let mut nmpc = Nmpc::new(problem, Box::new(Linear::scalar(a, b)), config).unwrap();
+        nmpc.step(&[1.0], &[0.0]).unwrap();
+        let mut of = Sensitivity::new(&mut nmpc, &[0.0], &[0.0], None).unwrap();
+        assert_eq!(of.regularity(), Regularity::Regular);
+        let found = of.adjoint(&[], &[1.0]).unwrap().get(Given::State)[0];
+        assert!((found - expected).abs() < 1e-9, "{w}: {found} {expected}");
+    }
+}
+
 /// A plan that is no solution of what is said, and one that is not determined.
 #[test]
 fn a_point_without_derivatives_says_so() {
