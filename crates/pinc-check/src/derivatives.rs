@@ -2,6 +2,7 @@
 
 use crate::{Finding, LISTED, Subject, short};
 use pinc_analysis::OperatingPoint;
+use pinc_config::LoopParameters;
 use pinc_ode::Variable;
 
 /// Random points of the region.
@@ -40,7 +41,37 @@ pub(crate) fn examine(subject: &Subject<'_>) -> Vec<Finding> {
         subject.region_name,
         rates.join(", ")
     );
-    vec![Finding::fact("", text)]
+    let mut findings = vec![Finding::fact("", text)];
+    findings.extend(of_family(subject, &random));
+    findings
+}
+
+/// Where the equation is not finite that has the loop's parameters as variables: x^n with a variable n,
+/// for instance, has no value below 0.
+fn of_family(subject: &Subject<'_>, random: &[OperatingPoint]) -> Option<Finding> {
+    let LoopParameters { names, values: p, .. } = subject.experiment.loop_parameters();
+    if names.is_empty() {
+        return None;
+    }
+    let plant = subject.experiment.plant.family(&names);
+    let mut rates = vec![0.0; plant.states().len()];
+    let mut is_bad = |point: &&OperatingPoint| {
+        plant.rhs(&point.x, &point.u, &p, &mut rates);
+        let slopes = plant.jacobian(&point.x, &point.u, &p);
+        !rates.iter().chain(&slopes).all(|value| value.is_finite())
+    };
+    let bad: Vec<_> = random.iter().filter(&mut is_bad).collect();
+    let (share, names) = (bad.len(), names.join(", "));
+    let place = subject.at(bad.first()?);
+    let what = format!(
+        "with {names} as a variable the equation or a derivative is not finite at {share} of {POINTS} \
+         random points of {}, at {place} for instance",
+        subject.region_name
+    );
+    let finding = Finding::error("plant", what)
+        .because("models and nets take it as an input; x^n has no value below 0 where n is one")
+        .change("guard what is below 0, as max(x, 0)^n, or keep the domain away from there");
+    Some(finding)
 }
 
 /// What is not finite at a point, if anything is.

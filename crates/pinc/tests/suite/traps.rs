@@ -348,3 +348,79 @@ fn a_motor_whose_substeps_are_unstable_fails_in_the_rehearsal() {
     let stable = trap("motor.toml", &["control.rk4_substeps=16"]);
     assert!(warnings(&stable).iter().all(|w| !w.contains("unstable") && !w.contains("fail")));
 }
+
+/// x^2 is a product; with an exponent that varies there is a logarithm.
+#[test]
+fn a_power_that_varies_is_an_error_below_0() {
+    let power = |state_low: &str| {
+        findings_of(
+            r#"plant.expression = { states = ["v"], inputs = ["u"], parameters = { n = 2.0 }, derivatives = { v = "u - v^n" } }"#,
+            &[
+                "model={ horizon_s = 0.2, hidden_layers = 1, neurons = 4 }",
+                &format!(
+                    "domain={{ state_low = [{state_low}], state_high = [1.0], input_low = [0.0], \
+                  input_high = [1.0], parameters = {{ n = [1.5, 2.5] }} }}"
+                ),
+            ],
+        )
+    };
+    let words = "with n as a variable the equation or a derivative is not finite";
+    let says = |findings: &[Finding]| {
+        findings.iter().any(|of| of.severity == Severity::Error && of.what.contains(words))
+    };
+    assert!(says(&power("-0.5")) && !says(&power("0.0")));
+}
+
+/// An output of a state that is measured does not get the disturbance of the measurement.
+#[test]
+fn bounds_on_outputs_beside_output_disturbances_trigger_a_warning() {
+    let plant = r#"plant.expression = { states = ["v"], inputs = ["u"], derivatives = { v = "u - v" }, outputs = { z = "2*v" } }"#;
+    let of = |measured: &str, disturbance: &str| {
+        findings_of(
+            plant,
+            &[
+                "control.output_high={ z = 1.6 }",
+                &format!("control.measurement={{ measured = [{measured:?}] }}"),
+                &format!(
+                    "control.estimator={{ kind = \"ekf\", process_sd = [0.01], measurement_sd = [0.01], \
+              initial_estimate = [0.0], initial_sd = [0.1], disturbance = \"{disturbance}\", \
+              disturbance_sd = [0.1], disturbance_initial_sd = [0.1] }}"
+                ),
+            ],
+        )
+    };
+    let words = "z has bounds, but is not measured";
+    let warns = |measured: &str, disturbance: &str| {
+        of(measured, disturbance)
+            .iter()
+            .any(|found| found.severity == Severity::Warning && found.what.contains(words))
+    };
+    assert!(warns("v", "output") && !warns("z", "output") && !warns("v", "input"));
+}
+
+/// The findings on a short loop of a plant with the state v and the input u.
+fn findings_of(plant: &str, sets: &[&str]) -> Vec<Finding> {
+    let text = format!(
+        r#"
+        name = "short"
+        preset = "ours"
+        seed = 1
+        {plant}
+        [control]
+        step_s = 0.2
+        n2 = 5
+        nu = 5
+        input_low = [0.0]
+        input_high = [1.0]
+        controlled = ["v"]
+        q = [1.0]
+        r = [0.1]
+        initial_state = [0.0]
+        references = [{{ start_s = 0.0, value = [0.7] }}]
+        models = ["rk4"]
+        duration_s = 4.0
+        "#
+    );
+    let sets: Vec<_> = sets.iter().map(|set| (*set).to_owned()).collect();
+    check(&Experiment::parse("short.toml".as_ref(), &text, &sets, &Plants::built_in()).unwrap())
+}
