@@ -1,5 +1,6 @@
 //! The names of constraints.
 
+use crate::Bounds;
 use crate::outputs::{IntervalEnd, OutputRows};
 use pinc_qp::{Kind, OcpDims, Row};
 use std::fmt;
@@ -17,6 +18,13 @@ pub enum Constraint {
         index: usize,
         /// Which of its bounds.
         side: Side,
+    },
+    /// The value that a predicted state must have, both of whose bounds are the same.
+    StateValue {
+        /// j of x\[k+j\].
+        step: usize,
+        /// Which state.
+        index: usize,
     },
     /// A bound on an input.
     Input {
@@ -74,13 +82,16 @@ pub enum Side {
 }
 
 impl Constraint {
-    pub(crate) fn new(dims: OcpDims, outputs: &OutputRows, row: Row) -> Self {
+    pub(crate) fn new(dims: OcpDims, (bounds, outputs): (&Bounds, &OutputRows), row: Row) -> Self {
         let side = if row.upper { Side::High } else { Side::Low };
         let all_states = dims.all_states();
         match row.kind {
             Kind::Bound if row.index < all_states => {
                 let (step, index) = (dims.tree.depth(row.index / dims.nx + 1), row.index % dims.nx);
-                Self::State { step, index, side }
+                match bounds.low[row.index] < bounds.high[row.index] {
+                    true => Self::State { step, index, side },
+                    false => Self::StateValue { step, index },
+                }
             }
             Kind::Bound => {
                 let place = row.index - all_states;
@@ -125,6 +136,7 @@ impl fmt::Display for Constraint {
         };
         match self {
             Self::State { step, index, side } => write!(f, "{} x[k+{step}][{index}]", bound(side)),
+            Self::StateValue { step, index } => write!(f, "given value of x[k+{step}][{index}]"),
             Self::Input { step, index, side } => write!(f, "{} u[k+{step}][{index}]", bound(side)),
             Self::Increment { step, index, side } => {
                 write!(f, "{} du[k+{step}][{index}]", bound(side))

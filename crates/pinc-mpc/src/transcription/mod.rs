@@ -528,7 +528,7 @@ impl Transcription {
 
     /// The constraint that a row of the program is.
     pub(crate) fn name(&self, row: Row) -> Constraint {
-        Constraint::new(self.dims, &self.output_rows, row)
+        Constraint::new(self.dims, (&self.bounds, &self.output_rows), row)
     }
 
     /// The limits of bounds and increments: what is left of them at z.

@@ -234,6 +234,10 @@ fn an_end_is_met_whatever_bounds_cost() {
         assert_eq!(step.status, SqpStatus::Converged);
         let x = nmpc.plan().states();
         assert!((x[last] - 0.8).abs() < TOLERANCE && x[0] > 1.1, "{x:?}");
+        let out_of_reach = nmpc.step(&[4.5], &[5.0; 3]).unwrap();
+        let violated = out_of_reach.violated.map(|of| of.to_string());
+        assert_eq!(out_of_reach.status, SqpStatus::InfeasibleQp);
+        assert_eq!(violated.as_deref(), Some("given value of x[k+3][0]"));
     }
 }
 
