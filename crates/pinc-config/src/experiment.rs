@@ -286,6 +286,12 @@ impl Experiment {
         self.data.as_ref().is_some_and(|data| !data.parameters.is_empty())
     }
 
+    /// The seed of the noise of the loop's sensors.
+    #[must_use]
+    pub fn noise_seed(&self) -> u64 {
+        self.control.as_ref().and_then(|control| control.noise_seed).unwrap_or(self.seed)
+    }
+
     /// The parameters of the models in the loop: those that vary, those that an estimator
     /// estimates, and what scenarios or a tube vary.
     #[must_use]

@@ -71,9 +71,12 @@ pub struct DrawsSpec {
     pub name: String,
     /// Number of draws.
     pub count: usize,
-    /// Whether each draw has its own seed, for the noise of its loop.
+    /// Whether each draw has its own `control.noise_seed`.
     #[serde(default)]
     pub seeded: bool,
+    /// Seed of the draws; that of the experiment if absent.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub seed: Option<u64>,
     /// Ranges of the values, drawn uniformly and independently.
     #[serde(default)]
     pub ranges: Vec<RangeSpec>,
@@ -96,7 +99,7 @@ const MOST_TRIALS: usize = 100_000;
 
 impl SweepSpec {
     /// Checks what can be checked without looking at the trials.
-    pub(crate) fn validate(&self) -> Checked {
+    pub(crate) fn validate(&self, has_loop: bool) -> Checked {
         distinct("sweep.seeds", &self.seeds)?;
         for (i, axis) in self.grid.iter().enumerate() {
             let here = format!("sweep.grid[{i}].values");
@@ -111,9 +114,8 @@ impl SweepSpec {
         for (i, draws) in self.draws.iter().enumerate() {
             let here = format!("sweep.draws[{i}]");
             at_least_one(&format!("{here}.count"), draws.count)?;
-            if draws.seeded && !self.seeds.is_empty() {
-                let expected =
-                    "false with sweep.seeds: each draw would replace them by its own seed";
+            if draws.seeded && !has_loop {
+                let expected = "false without [control]: it is for the noise of a loop";
                 return value(&format!("{here}.seeded"), true, expected);
             }
             if draws.ranges.is_empty() && !draws.seeded && draws.count > 1 {

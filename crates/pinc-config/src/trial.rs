@@ -23,6 +23,9 @@ pub const DRAW: &str = "draw";
 /// The column with the seeds.
 pub const SEED: &str = "seed";
 
+/// The key of the noise that a seeded draw has to itself.
+const NOISE_SEED: &str = "control.noise_seed";
+
 /// One trial of a sweep.
 #[derive(Clone, Debug)]
 pub struct Trial {
@@ -109,7 +112,8 @@ fn group_columns(sweep: &SweepSpec) -> Vec<String> {
 
 /// The keys of all groups of draws, each once.
 fn drawn_keys(sweep: &SweepSpec) -> Vec<String> {
-    let mut keys: Vec<String> = Vec::new();
+    let is_seeded = sweep.draws.iter().any(|draws| draws.seeded);
+    let mut keys: Vec<String> = is_seeded.then(|| NOISE_SEED.to_owned()).into_iter().collect();
     for range in sweep.draws.iter().flat_map(|draws| &draws.ranges) {
         if !keys.contains(&range.key) {
             keys.push(range.key.clone());
@@ -236,8 +240,7 @@ impl Choice {
 
     fn trial(&self, experiment: Experiment, columns: &[String]) -> Trial {
         let name = |column: &String| {
-            // A draw's own seed comes after the sweep's.
-            let named = self.names.iter().rev().find(|(key, _)| key == column);
+            let named = self.names.iter().find(|(key, _)| key == column);
             named.map_or_else(String::new, |(_, name)| name.clone())
         };
         let training = experiment.asks_for_a_net().then(|| {
@@ -327,7 +330,7 @@ fn candidates(search: &SearchSpec, seed: u64) -> Vec<Choice> {
 
 /// The draws of one group.
 fn drawn(draws: &DrawsSpec, seed: u64, stream: u64) -> Vec<Choice> {
-    let mut rng = ChaCha8Rng::seed_from_u64(seed);
+    let mut rng = ChaCha8Rng::seed_from_u64(draws.seed.unwrap_or(seed));
     rng.set_stream(stream);
     let mut draw = |i: usize| {
         let mut choice = Choice {
@@ -338,7 +341,7 @@ fn drawn(draws: &DrawsSpec, seed: u64, stream: u64) -> Vec<Choice> {
             ..Choice::default()
         };
         if draws.seeded {
-            choice = choice.and(&one(SEED, Value::Integer(rng.random::<u32>().into())));
+            choice = choice.and(&one(NOISE_SEED, Value::Integer(rng.random::<u32>().into())));
         }
         for range in &draws.ranges {
             let value = Value::Float(range.low + (range.high - range.low) * rng.random::<f64>());

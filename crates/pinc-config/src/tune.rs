@@ -168,13 +168,11 @@ impl Experiment {
         let mut sweep = self.clone();
         sweep.tune = None;
         sweep.name += if held_out { "-held-out" } else { "-tune" };
-        if held_out {
-            sweep.seed ^= HELD_OUT;
-        }
         let draws = DrawsSpec {
             name: "loops".to_owned(),
             count: if held_out { tune.held_out } else { tune.loops },
             seeded: true,
+            seed: held_out.then_some(self.seed ^ HELD_OUT),
             ranges: tune.draws.clone(),
         };
         sweep.sweep = Some(SweepSpec {

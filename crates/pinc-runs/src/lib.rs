@@ -424,7 +424,7 @@ impl Stages<'_> {
                 net,
                 proven: proof::limits(experiment, net)?,
                 sample_time_s,
-                seed: experiment.seed,
+                seed: experiment.noise_seed(),
                 parameters: &values,
                 estimated: &estimated,
                 beside: experiment.horizon_plants(&names),

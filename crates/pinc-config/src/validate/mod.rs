@@ -105,7 +105,7 @@ impl Experiment {
             tune.validate(self)?;
         }
         if let Some(sweep) = &self.sweep {
-            sweep.validate()?;
+            sweep.validate(self.control.is_some())?;
             crate::trial::check(self)?;
         }
         Ok(())

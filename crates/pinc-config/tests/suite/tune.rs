@@ -42,7 +42,8 @@ fn loops_that_are_held_out_are_others() {
         let made = trials(&sweep).unwrap_or_else(|(key, _)| panic!("{key}"));
         let rate = "control.plant.expression.parameters.rate";
         let of = |trial: &pinc_config::Trial| {
-            (trial.experiment.seed, trial.experiment.value_of(rate).unwrap().to_string())
+            assert_eq!(trial.experiment.seed, experiment.seed, "nets are the same");
+            (trial.experiment.noise_seed(), trial.experiment.value_of(rate).unwrap().to_string())
         };
         made.iter().map(of).collect()
     };
@@ -53,4 +54,34 @@ fn loops_that_are_held_out_are_others() {
     let rates: BTreeSet<&str> = all.iter().map(|(_, rate)| &**rate).collect();
     assert_eq!((seeds.len(), rates.len()), (8, 8), "{all:?}");
     assert_eq!(drawn(true), held_out, "the same ones every time");
+}
+
+/// Draws with noise of their own share a net, whatever else they draw of the loop.
+#[test]
+fn seeded_draws_need_one_training() {
+    let net = [
+        "model={ horizon_s = 0.5, hidden_layers = 1, neurons = 4 }",
+        "domain={ state_low = [-2.0], state_high = [2.0], input_low = [-3.0], input_high = [3.0] }",
+        "training.collocation_points=64",
+        "validation={ duration_s = 2.0, domain = { state_low = [-1.0], state_high = [1.0], input_low = [-1.0], input_high = [1.0] } }",
+        "control.models=[\"pinc\"]",
+        "--unset control.step_s",
+        "--unset tune",
+    ];
+    let draws = "sweep.draws=[{ name = \"noise\", count = 4, seeded = true }]";
+    let sweep = parse(LAG, &[&net[..], &[draws]].concat()).unwrap();
+    let made = trials(&sweep).unwrap_or_else(|(key, _)| panic!("{key}"));
+    let trainings: BTreeSet<&str> = made.iter().map(pinc_config::Trial::unit).collect();
+    let noise: BTreeSet<u64> = made.iter().map(|trial| trial.experiment.noise_seed()).collect();
+    assert_eq!((made.len(), trainings.len(), noise.len()), (4, 1, 4));
+    let other = "sweep.draws=[{ name = \"noise\", count = 4, seeded = true, seed = 9 }]";
+    let other = trials(&parse(LAG, &[&net[..], &[other]].concat()).unwrap());
+    let other = other.unwrap_or_else(|(key, _)| panic!("{key}"));
+    assert!(other.iter().all(|trial| !noise.contains(&trial.experiment.noise_seed())));
+
+    let error = parse(LAG, &[&net[..], &[draws, "--unset control"]].concat()).unwrap_err();
+    assert!(
+        error.contains("`sweep.draws[0].seeded`: true given, expected false without"),
+        "{error}"
+    );
 }

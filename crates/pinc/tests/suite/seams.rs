@@ -260,6 +260,11 @@ fn keys() -> Vec<(&'static str, Vec<&'static str>, About)> {
         ("policy", vec!["control.models=[\"rk4\", \"policy\"]", POLICY], Controller),
         ("plant", vec!["control.plant.van-der-pol={ mu = 0.6 }"], Unseen),
         ("measurement.measured", with(&[]), Controller),
+        (
+            "noise_seed",
+            with(&["control.measurement.noise_sd=[0.05]", "control.noise_seed=5"]),
+            Loop,
+        ),
         ("measurement.noise_sd", with(&["control.measurement.noise_sd=[0.05]"]), Loop),
         ("estimator.kind", with(&["control.estimator.kind=ukf"]), Controller),
         ("estimator.process_sd", with(&["control.estimator.process_sd=[0.2, 0.01]"]), Controller),
