@@ -245,7 +245,10 @@ impl Choice {
         };
         let training = experiment.asks_for_a_net().then(|| {
             let alone = experiment.training_alone();
-            (id(&alone), alone)
+            // A net is the same under another name, as for the held-out loops of a tuning.
+            let mut nameless = alone.clone();
+            nameless.name.clear();
+            (id(&nameless), alone)
         });
         Trial {
             id: id(&experiment),

@@ -306,10 +306,6 @@ fn contradictions_are_refused() {
             "`control.first_plan.input[0]`: 9 given, expected from input_low = -1 to input_high = 1",
         ),
         (
-            &["sweep={ seeds = [1, 2], draws = [{ name = \"noise\", count = 2, seeded = true }] }"],
-            "`sweep.draws[0].seeded`: true given, expected false with sweep.seeds",
-        ),
-        (
             &[COST, "control.sqp.hessian=gauss-newton"],
             "`control.sqp.hessian`: \"gauss-newton\" given, expected \"auto\" or \"adaptive\"",
         ),

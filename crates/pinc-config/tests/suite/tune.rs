@@ -74,6 +74,11 @@ fn seeded_draws_need_one_training() {
     let trainings: BTreeSet<&str> = made.iter().map(pinc_config::Trial::unit).collect();
     let noise: BTreeSet<u64> = made.iter().map(|trial| trial.experiment.noise_seed()).collect();
     assert_eq!((made.len(), trainings.len(), noise.len()), (4, 1, 4));
+    // Seeds of the experiment are those of nets.
+    let seeds = parse(LAG, &[&net[..], &[draws, "sweep.seeds=[1, 2]"]].concat()).unwrap();
+    let made = trials(&seeds).unwrap_or_else(|(key, _)| panic!("{key}"));
+    let trainings: BTreeSet<&str> = made.iter().map(pinc_config::Trial::unit).collect();
+    assert_eq!((made.len(), trainings.len()), (8, 2));
     let other = "sweep.draws=[{ name = \"noise\", count = 4, seeded = true, seed = 9 }]";
     let other = trials(&parse(LAG, &[&net[..], &[other]].concat()).unwrap());
     let other = other.unwrap_or_else(|(key, _)| panic!("{key}"));
