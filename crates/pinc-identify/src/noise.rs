@@ -9,11 +9,11 @@ const NO_NOISE: f64 = 1e-6;
 const SETTLED: f64 = 0.01;
 
 impl Problem {
-    /// The problem with a first weight for each channel of unknown noise, if several are measured:
-    /// the spread of its measurements counts as 1. A single channel needs no weight.
+    /// The problem with a first weight for each channel of unknown noise: the spread of its
+    /// measurements counts as 1. Only a single channel that counts beside no prior needs no weight.
     #[must_use]
     pub fn with_first_weights(mut self, recordings: &[Recording<'_>]) -> Self {
-        if self.channels.len() > 1 {
+        if self.channels.len() > 1 || self.priors() > 0 {
             for i in 0..self.channels.len() {
                 let spread = self.spread(i, recordings);
                 let channel = &mut self.channels[i];

@@ -2,6 +2,7 @@
 
 mod diagnosis;
 mod hybrid;
+mod noise;
 mod outputs;
 mod prediction;
 mod recorded;
