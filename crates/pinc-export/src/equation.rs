@@ -83,10 +83,14 @@ pub(crate) struct Jacobian {
 pub(crate) fn jacobian(listing: &Listing, nx: usize, nu: usize, to: &str) -> Jacobian {
     let tangents = nx + nu;
     let mut body = Body { text: String::new(), nx, tangents };
+    let wanted = wanted(listing);
     let mut known: Vec<Vec<bool>> = Vec::new();
     for (i, instruction) in listing.instructions.iter().enumerate() {
         body.value(i, *instruction);
-        known.push(body.tangents(i, *instruction, &known));
+        known.push(match wanted[i] {
+            true => body.tangents(i, *instruction, &known),
+            false => vec![false; tangents],
+        });
     }
     body.results(listing, to);
     let entries: Vec<_> = listing.results.iter().map(|&result| known[result].clone()).collect();
@@ -99,6 +103,37 @@ pub(crate) fn jacobian(listing: &Listing, nx: usize, nu: usize, to: &str) -> Jac
         body.text += "    (void)f;\n";
     }
     Jacobian { body: body.finish(listing), entries }
+}
+
+/// Which values have tangents that a result depends on: none does through a sign or a condition, and
+/// a compiler would warn of their variables.
+fn wanted(listing: &Listing) -> Vec<bool> {
+    let mut wanted = vec![false; listing.instructions.len()];
+    for &result in &listing.results {
+        wanted[result] = true;
+    }
+    for (i, instruction) in listing.instructions.iter().enumerate().rev() {
+        let through = match *instruction {
+            _ if !wanted[i] => continue,
+            Instruction::Variable(_)
+            | Instruction::Constant(_)
+            | Instruction::Function(Function::Sign, _) => [None; 2],
+            Instruction::Add(a, b)
+            | Instruction::Sub(a, b)
+            | Instruction::Mul(a, b)
+            | Instruction::Div(a, b)
+            | Instruction::Min(a, b)
+            | Instruction::Max(a, b)
+            | Instruction::Where(_, a, b) => [Some(a), Some(b)],
+            Instruction::Neg(a) | Instruction::Power(a, _) | Instruction::Function(_, a) => {
+                [Some(a), None]
+            }
+        };
+        for operand in through.into_iter().flatten() {
+            wanted[operand] = true;
+        }
+    }
+    wanted
 }
 
 struct Body {
@@ -138,7 +173,8 @@ impl Body {
 
     /// Writes the tangents of value `i`; gives which are not 0.
     fn tangents(&mut self, i: usize, instruction: Instruction, known: &[Vec<bool>]) -> Vec<bool> {
-        let slope = self.slope(i, instruction);
+        let varies = instruction.operands().any(|operand| known[operand].contains(&true));
+        let slope = varies.then(|| self.slope(i, instruction)).flatten();
         let mut there = vec![false; self.tangents];
         for (t, there) in there.iter_mut().enumerate() {
             let of = |v: usize| known[v][t].then(|| format!("v{v}_{t}"));

@@ -28,6 +28,23 @@ fn an_input_without_effect_is_exported_cleanly() {
     assert!(printed.contains("20 steps"), "{printed}");
 }
 
+/// No derivative passes through a sign, whatever is inside and around it: no variable is left behind
+/// that nothing reads.
+#[test]
+fn signs_of_functions_and_functions_of_signs_are_exported_cleanly() {
+    let equations = equations(
+        r#"{"states": [{"name": "x1"}, {"name": "x2"}], "inputs": [{"name": "u"}],
+            "derivatives": {"x1": "x2 + 0.001*abs(sign(x1))*sign(x2 - 3)^2",
+                            "x2": "u - x1 - 0.001*sign(tanh(x2)) - 0.001*exp(-abs(sign(u)))"},
+            "outputs": {"side": "x1 + 0.001*sqrt(sign(sin(x2) - 0.5)^2) + max(sign(x1*x2), 0)"}}"#,
+    );
+    let base = oscillator_case();
+    let source = Source::runge_kutta(equations, Integrator::Rk4, 2);
+    let tracked = vec![Tracked::Output(0), Tracked::State(1)];
+    let problem = NmpcProblem { tracked, ..base.problem };
+    Case { source, problem, ..oscillator_case() }.sources().assert_portable("ctl");
+}
+
 /// The oscillator in other units: x1 and u in thousandths, x2 in units of 4096.
 pub(crate) fn in_odd_units() -> Case {
     let equations = equations(
