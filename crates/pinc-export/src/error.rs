@@ -47,8 +47,9 @@ pub enum ExportError {
     Family(String),
     /// Two variables of an FMU that would have one name.
     #[error(
-        "an FMU has two variables named `{name}`: rename a variable of the plant; `time`, `status` \
-         and names with _start, _ref and _estimate are the FMU's own"
+        "an FMU has two variables named `{name}`: rename a variable of the plant; `time`, `status`, \
+         `estimator_status`, `trust`, `tube` and the plant's names with _start, _ref, _estimate, _q, \
+         _r, _low and _high are the FMU's own"
     )]
     SameName {
         /// The name.

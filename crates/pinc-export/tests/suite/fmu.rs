@@ -220,11 +220,14 @@ fn the_inputs_before_the_first_sample_are_given_and_a_refused_step_is_logged() {
 #[test]
 fn two_variables_of_one_name_are_refused() {
     let case = oscillator_case();
-    let export = |controller: &Controller<'_>, name: &Name, origin: &Origin| {
-        let mut origin = origin.clone();
-        origin.states[0].name = "status".into();
-        controller_to_fmu(controller, name, &origin, FmiVersion::Three)
-    };
-    let refused = case.export_by(None, export).unwrap_err().to_string();
-    assert!(refused.contains("`status`"), "{refused}");
+    for (own, word) in [("status", "`status`,"), ("x1_q", " _q,"), ("x1_low", " _low and _high")] {
+        let export = |controller: &Controller<'_>, name: &Name, origin: &Origin| {
+            let mut origin = origin.clone();
+            origin.states[0].name = own.into();
+            controller_to_fmu(controller, name, &origin, FmiVersion::Three)
+        };
+        let refused = case.export_by(None, export).unwrap_err().to_string();
+        let [named, reason] = [format!("named `{own}`: "), word.to_owned()];
+        assert!(refused.contains(&named) && refused.contains(&reason), "{refused}");
+    }
 }
