@@ -40,8 +40,7 @@ pub fn controller_to_c(
     files.extend(beside);
     match controller.net_error()? {
         Some(estimate) => {
-            let call = "    failed += (pinc_error_off() <= 1.0) ? 0 : 1;\n";
-            estimate.set_selftest(&mut t, call)?;
+            estimate.set_selftest(&mut t, ESTIMATE_CALL)?;
         }
         None => without_estimate(&mut t),
     }
@@ -66,6 +65,9 @@ pub fn controller_to_c(
     Ok(files)
 }
 
+const ESTIMATE_CALL: &str =
+    "    pinc_require((pinc_error_off() <= 1.0) ? 1 : 0, -1, \"pinc_error differs\");\n";
+
 /// Fills what page and self-test say of the files beside the controller: headers of functions, and of
 /// their self-tests, `NAME_selftest.h` with a function of this name that returns 0 if they do what they
 /// should.
@@ -74,7 +76,7 @@ fn set_beside(t: &mut Template, beside: &[GeneratedFile]) {
     for header in beside.iter().filter_map(|file| file.path.strip_suffix(".h")) {
         if header.ends_with("_selftest") {
             include += &format!("#include \"{header}.h\"\n");
-            call += &format!("    failed += {header}();\n");
+            call += &format!("    pinc_require({header}() == 0, -1, \"{header} failed\");\n");
         } else {
             text += &format!(
                 "**Beside the controller.** The library has the functions of `{header}.h` too, which says \

@@ -19,15 +19,51 @@ static void pinc_compare(int k, PINC_REAL found, double expected)
     }
 }
 
-/* Says how far numbers are off, and returns 0 if that is allowed and nothing else failed. */
-static int pinc_judge(int failed)
+/* What else does not hold; the first of it is said, with its step unless that is negative. */
+static int pinc_failures = 0;
+
+static void pinc_require(int holds, int k, const char *otherwise)
 {
-    const int bad = ((pinc_worst <= pinc_limit) && (failed == 0)) ? 0 : 1;
+    if (holds != 0) {
+        return;
+    }
+    pinc_failures++;
+    if (pinc_failures > 3) {
+        return;
+    }
+    printf("@name@: ");
+    if (k >= 0) {
+        printf("step %d (t = %g s): ", k, (double)PINC_SAMPLE_TIME_S * (double)k);
+    }
+    printf("%s\n", otherwise);
+}
+
+/* A step of the controller ended with this status. */
+static void pinc_require_step(int k, pinc_status status)
+{
+    pinc_require((status != PINC_NUMERICAL_TROUBLE) ? 1 : 0, k,
+                 "PINC_NUMERICAL_TROUBLE: the model gave no finite number, or a quadratic program "
+                 "could not be solved");
+    pinc_require((status != PINC_BAD_ARGUMENT) ? 1 : 0, k,
+                 "PINC_BAD_ARGUMENT: a state, measurement or reference is not finite");
+}
+
+/* Says how far numbers are off, and returns 0 if that is allowed and nothing else failed. */
+static int pinc_judge(void)
+{
+    const int is_far = (pinc_worst <= pinc_limit) ? 0 : 1;
+    const int bad = ((is_far != 0) || (pinc_failures > 0)) ? 1 : 0;
     printf("@name@: %d steps, largest difference %.2e, allowed %.2e\n", PINC_STEPS, pinc_worst,
            pinc_limit);
     if (PINC_COMPARED < PINC_STEPS) {
         printf("@name@: numbers from step %d on depend on rounding and are not compared\n",
                PINC_COMPARED);
+    }
+    if (pinc_failures > 0) {
+        printf("@name@: failed: %d of the other checks, the first of them above\n", pinc_failures);
+    }
+    if (is_far != 0) {
+        printf("@name@: failed: the difference is larger than allowed\n");
     }
     if ((bad != 0) && PINC_IS_FLOAT) {
         printf("@name@: single precision is not enough for this controller: take double\n");

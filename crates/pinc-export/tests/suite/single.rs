@@ -2,10 +2,11 @@
 //! no more.
 
 use super::compile::Sources;
-use super::controller::{Begin, Case, oscillator_case};
+use super::controller::{Begin, Case, Source, equations, oscillator_case};
 use pinc_estimate::{Augmentation, Disturbance, Gate, Measured, Tuning};
 use pinc_export::{Estimation, Filter, GeneratedFile};
 use pinc_mpc::{NmpcProblem, Reference, Weights};
+use pinc_ode::Integrator;
 
 /// Weights so small that a residual of 1e-3 leaves the input uncertain by more than that.
 fn case() -> Case {
@@ -77,4 +78,26 @@ fn a_controller_with_an_estimator_may_too() {
         let estimation = Estimation { filter, augmentation: &augmentation, tuning: &tuning };
         assert_judged(&case().export(Some(estimation)).unwrap());
     }
+}
+
+/// The loop stays where the model has values, and plans leave it: inputs agree, and the self-test fails
+/// with the first step and its status.
+#[test]
+fn a_failure_beside_the_numbers_is_named_with_its_step() {
+    let case = oscillator_case();
+    let first = f64::midpoint(case.low[0], case.high[0]);
+    let steps = 20.0 + 0.5 * case.problem.horizon as f64;
+    let last = first + 0.05 * case.sample_time_s * steps;
+    let text = format!(
+        r#"{{"states": [{{"name": "x1"}}, {{"name": "x2"}}], "inputs": [{{"name": "u"}}],
+            "derivatives": {{"x1": "0.05", "x2": "u - x2 + 0.01*log({last:?} - x1)"}}}}"#
+    );
+    let source = Source::runge_kutta(equations(&text), Integrator::Rk4, 2);
+    let sources = Case { source, ..case }.sources();
+    let failed = std::panic::catch_unwind(|| sources.selftest("ctl", &[]));
+    let why = failed.unwrap_err();
+    let why = why.downcast_ref::<String>().unwrap();
+    let first = why.lines().find(|line| line.contains("CTL_NUMERICAL_TROUBLE")).expect(why);
+    assert!(first.contains("ctl: step ") && first.contains("(t = "), "{why}");
+    assert!(why.contains("ctl: failed: ") && !why.contains("larger than allowed"), "{why}");
 }
