@@ -64,6 +64,20 @@ pub enum ExportError {
         /// What has them.
         what: String,
     },
+    /// A model without a value in the loop of the self-test.
+    #[error(
+        "control.initial_state: the self-test begins there, and the model has no finite value a step \
+         after t = {t} s, from the state {x:?} with the input {u:?}: begin elsewhere, or guard roots, \
+         logarithms and divisions in the plant's equations"
+    )]
+    NoValue {
+        /// The time.
+        t: f64,
+        /// The state there.
+        x: Vec<f64>,
+        /// The input there.
+        u: Vec<f64>,
+    },
     /// Something that generated controllers do not have.
     #[error("the generated controller has no {feature}; use {instead}")]
     Feature {

@@ -1,8 +1,7 @@
 //! An estimator in C, around the controller that it tells the state.
 
 use crate::controller::Controller;
-use crate::error::finite;
-use crate::selftest::{Precision, difference, in_float, set_allowed};
+use crate::selftest::{Precision, check_step, difference, in_float, set_allowed};
 use crate::template::{Template, array, constant, places, table};
 use crate::{ExportError, GeneratedFile, golden};
 use pinc_estimate::{
@@ -277,8 +276,6 @@ pub(crate) fn set_selftest(
     let mut fresh = Vec::new();
     both.nmpc.remember(&mut Memory::save(&mut fresh));
     let rows = run(&mut both, (controller, estimation), steps)?;
-    let all = rows.measured.iter().chain(&rows.inputs).chain(&rows.estimates);
-    finite("the loop of the self-test", all.flatten())?;
     let [double, float] = Precision::both(Some(estimation.filter));
     both.nmpc.remember(&mut Memory::restore(&fresh));
     let mut both = Both::new(controller, both.nmpc, estimation)?;
@@ -377,6 +374,8 @@ fn run(
         controller.window(k, &mut window);
         let u = both.step(&measured, &window)?;
         plant.step(&x, &both.acting[..nu], p, &mut next);
+        let acting = &both.acting[..nu];
+        check_step(controller, (k, &x, acting), next.iter().chain(both.filter.estimate()))?;
         x.copy_from_slice(&next);
         rows.measured.push(measured);
         rows.windows.push(window.clone());

@@ -9,7 +9,7 @@ use crate::net_c::{has_time, net_core, sources};
 use crate::origin::{Origin, domain};
 use crate::outputs_c::outputs_core;
 use crate::runge_kutta_c::runge_kutta_core;
-use crate::selftest::{FLOAT_TOLERANCE, Precision, difference, in_float, set_allowed};
+use crate::selftest::{FLOAT_TOLERANCE, Precision, check_step, difference, in_float, set_allowed};
 use crate::start_c::set_start;
 use crate::template::{Template, array, constant, places, table};
 use crate::tube_c::set_tube;
@@ -386,10 +386,10 @@ fn set_selftest(
         windows.push(window.clone());
         let mut next = vec![0.0; x.len()];
         model.step(&x, &u, &[], &mut next);
+        check_step(controller, (k, &x, &u), &next)?;
         inputs.push(u);
         x = next;
     }
-    finite("the loop of the self-test", states.iter().chain(&inputs).flatten())?;
     let rows = [&states[..], &windows[..], &inputs[..]];
     let [double, float] = Precision::both(None);
     nmpc.remember(&mut Memory::restore(&fresh));

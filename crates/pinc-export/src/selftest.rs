@@ -69,6 +69,23 @@ pub(crate) fn difference<'a>(
     all.fold(0.0, |most, off| if off <= most { most } else { off })
 }
 
+/// Refuses a loop whose step `k` leads from the state `x` and the input `u` to values that are not
+/// finite.
+pub(crate) fn check_step<'a>(
+    controller: &Controller<'_>,
+    (k, x, u): (usize, &[f64], &[f64]),
+    values: impl IntoIterator<Item = &'a f64>,
+) -> Result<(), ExportError> {
+    match values.into_iter().all(|value| value.is_finite()) {
+        true => Ok(()),
+        false => Err(ExportError::NoValue {
+            t: k as f64 * controller.sample_time_s(),
+            x: x.to_vec(),
+            u: u.to_vec(),
+        }),
+    }
+}
+
 /// The controller of the library as it ends its iteration in single precision; `None` where it is more
 /// than an optimization.
 pub(crate) fn in_float(controller: &Controller<'_>) -> Result<Option<Nmpc>, ExportError> {

@@ -233,7 +233,8 @@ pub fn export_controller_with(
                 library.reset_input(u)?;
             }
             let beside = beside(&controller, &mut library, &name)?;
-            pinc_export::controller_to_c(&controller, (library, beside), &name, &origin)?
+            pinc_export::controller_to_c(&controller, (library, beside), &name, &origin)
+                .map_err(|error| RunError::usage(experiment.source(), error.to_string()))?
         }
         Target::Fmu(version) => {
             let content = pinc_export::controller_to_fmu(&controller, &name, &origin, version)?;

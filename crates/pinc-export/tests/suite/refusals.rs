@@ -50,3 +50,27 @@ fn what_overflows_in_c_is_refused() {
     let source = |plant: &PlantEquations| Source::runge_kutta(plant.clone(), Integrator::Rk4, 4);
     refused(&|case| case.source = source(&plant), "constant");
 }
+
+/// The loop of the self-test begins where the model has no value, or comes there.
+#[test]
+fn a_loop_without_a_value_is_refused_where_it_ends() {
+    let refused = |x2: &str| {
+        let text = format!(
+            r#"{{"states": [{{"name": "x1"}}, {{"name": "x2"}}], "inputs": [{{"name": "u"}}],
+                "derivatives": {{"x1": "1", "x2": "{x2}"}}}}"#
+        );
+        let source = Source::runge_kutta(equations(&text), Integrator::Rk4, 4);
+        let case = Case { source, ..oscillator_case() };
+        match case.export(None) {
+            Err(error @ ExportError::NoValue { .. }) => {
+                assert!(error.to_string().starts_with("control.initial_state"), "{error}");
+                let ExportError::NoValue { t, x, .. } = error else { unreachable!() };
+                assert!(x.iter().all(|x| x.is_finite()), "{x:?}");
+                t
+            }
+            other => panic!("{x2}: {:?}", other.map(|files| files.len())),
+        }
+    };
+    assert!(refused("u - log(-1 - x1^2)") <= 0.0);
+    assert!(refused("u - x2 + 0.01*log(1.5 - x1)") > 0.0);
+}
