@@ -251,12 +251,12 @@ impl Lists<'_> {
             };
             let elements = known.iter().filter(is_meant).map(|name| Value::String(name.clone()));
             let elements: Vec<Value> = elements.collect();
+            if range.is_some_and(|(_, range)| elements.len() < range.count().max(1)) {
+                let key = in_errors(&format!("{key}.{}", groups.len()));
+                return Err((key, Problem::word(text, known)));
+            }
             let start = all.len();
             match elements.is_empty() {
-                true if range.is_some() => {
-                    let key = in_errors(&format!("{key}.{}", groups.len()));
-                    return Err((key, Problem::word(text, known)));
-                }
                 true => all.push(entry.clone()),
                 false => all.extend(elements),
             }

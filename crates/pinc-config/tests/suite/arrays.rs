@@ -168,9 +168,12 @@ fn lists_of_another_length_are_refused() {
     assert!(nested.contains(expected) && nested.starts_with("test.toml:28:"), "{nested}");
     let two = "2 values given, expected 6: T[1..3], E, z[1..2]";
     assert!(low("[0.0, 1.0]").contains(two), "{}", low("[0.0, 1.0]"));
-    let unknown = parse(&with(&[("controlled", "controlled = [\"T[4]\"]")]), &[]).unwrap_err();
-    let known = "`T[4]` is not known; expected one of T[1..3], E, z[1..2], y[1..2]";
-    assert!(unknown.contains(known), "{unknown}");
+    for beyond in ["T[4]", "T[2..4]", "T[0..n]", "T[1..0]"] {
+        let line = format!("controlled = [\"{beyond}\"]");
+        let unknown = parse(&with(&[("controlled", &line)]), &[]).unwrap_err();
+        let known = "is not known; expected one of T[1..3], E, z[1..2], y[1..2]";
+        assert!(unknown.contains(&format!("`{beyond}` {known}")), "{unknown}");
+    }
 }
 
 #[test]
