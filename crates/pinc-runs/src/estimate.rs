@@ -171,7 +171,7 @@ fn run(
         let (line, cells) = row?;
         let row = columns.read(&cells).map_err(|problem| (line, problem))?;
         if let Some((t, _)) = &before
-            && (row.t - t - sample_time_s).abs() > 1e-6 * sample_time_s
+            && row.steps_since(*t, sample_time_s).is_none_or(|steps| !(0.5..1.5).contains(&steps))
         {
             let given = format!("{} s after {t} s given", row.t);
             let problem = format!("column `t`: {given}, expected steps of T = {sample_time_s} s");

@@ -20,6 +20,17 @@ pub(super) struct DataRow {
     pub(super) truth: Option<Vec<f64>>,
 }
 
+impl DataRow {
+    /// The steps of T since the time `before`, if they are whole as far as times tell: doubles have
+    /// Unix times to 2.4e-7 s.
+    pub(super) fn steps_since(&self, before: f64, sample_time_s: f64) -> Option<f64> {
+        let steps = (self.t - before) / sample_time_s;
+        let resolution = 2.0 * f64::EPSILON * self.t.abs() / sample_time_s;
+        let near = steps.max(1.0) * (1e-6 + resolution);
+        ((steps - steps.round()).abs() <= near.min(0.1)).then_some(steps.round())
+    }
+}
+
 impl Columns {
     /// Finds the columns. The header may not name any of `constants`, parameters that do not vary.
     pub(super) fn find(

@@ -250,18 +250,19 @@ fn filled(path: &Path, rows: &Rows, sample_time_s: f64) -> Result<Recorded, RunE
     for (line, row) in rows {
         if let Some(before) = before {
             let at = |problem| RunError::Csv { path: path.to_owned(), line: *line, problem };
-            let steps = (row.t - before.t) / sample_time_s;
-            if steps > LONGEST_GAP {
+            if (row.t - before.t) / sample_time_s > LONGEST_GAP {
                 return Err(at(too_far(row.t)));
             }
-            if (steps - steps.round()).abs() > 1e-6 * steps.max(1.0) || steps.round() < 1.0 {
-                return Err(at(format!(
+            let steps = row.steps_since(before.t, sample_time_s).filter(|steps| *steps >= 1.0);
+            let not_whole = || {
+                at(format!(
                     "column `t`: {} s after {} s given, expected a whole number of steps of T = \
                      {sample_time_s} s; identify.step_s sets T for integrators",
                     row.t, before.t
-                )));
-            }
-            for k in (1..).map(f64::from).take_while(|k| *k < steps.round()) {
+                ))
+            };
+            let steps = steps.ok_or_else(not_whole)?;
+            for k in (1..).map(f64::from).take_while(|k| *k < steps) {
                 all.u.extend(&before.u);
                 all.y.extend(std::iter::repeat_n(f64::NAN, channels));
                 all.t.push(before.t + k * sample_time_s);
