@@ -3,6 +3,7 @@
 import sys
 import warnings
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -67,6 +68,30 @@ def test_changes_of_the_input_are_clipped_too(smoke: Path) -> None:
     assert info["x"] == pytest.approx(first, abs=1e-9)
     *_, info = env.step(np.array([-1.0]))
     assert info["x"] == pytest.approx(plant.simulate(first, [-0.05])[1], abs=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (lambda config: LoopEnv(config, noise_sd=float("nan")), "noise_sd: .* given, expected finite"),
+        (lambda config: LoopEnv(config, noise_sd=-0.1), "noise_sd: -0.1 given, expected 0 or more"),
+        (lambda config: LoopEnv(config, spread=[0.1, -0.1]), "spread: .* given, expected 0 or more"),
+        (lambda config: LoopEnv(config, spread=[1, 2, 3]), "spread: shape .3,. given, expected .2,."),
+        (lambda config: LoopEnv(config, spread="far"), "spread: .* given, expected numbers"),
+        (
+            lambda config: LoopEnv(config).reset(options={"x": [1.0, 2.0, 3.0]}),
+            'options."x".: shape .3,. given, expected .2,.',
+        ),
+        (
+            lambda config: LoopEnv(config).reset(options={"x": [1.0, np.nan]}),
+            'options."x".: .* given, expected finite',
+        ),
+        (lambda config: LoopEnv(config).step(np.array([np.nan])), "action: .* expected finite"),
+    ],
+)
+def test_arguments_that_cannot_be_used_are_named(smoke: Path, call: Any, message: str) -> None:
+    with pytest.raises(pinc.InputError, match=message):
+        call(smoke)
 
 
 def test_what_an_environment_does_not_have_is_refused(smoke: Path) -> None:

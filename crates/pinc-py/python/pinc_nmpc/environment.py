@@ -25,6 +25,27 @@ except ImportError as error:
 _Array = NDArray[np.float64]
 
 
+def _numbers(name: str, given: Any, count: int, each: str) -> _Array:
+    """Finite numbers, one per ``each``."""
+    try:
+        values = np.array(given, dtype=np.float64)
+    except (TypeError, ValueError):
+        raise InputError(f"{name}: {given!r} given, expected numbers, one per {each}") from None
+    if values.shape != (count,):
+        raise InputError(f"{name}: shape {values.shape} given, expected {(count,)}, one per {each}")
+    if not np.isfinite(values).all():
+        raise InputError(f"{name}: {given!r} given, expected finite numbers")
+    return values
+
+
+def _sizes(name: str, given: Any, count: int) -> _Array:
+    """Numbers of 0 or more, one per state, from these or from one for all states."""
+    values = _numbers(name, [given] * count if np.ndim(given) == 0 else given, count, "state")
+    if (values < 0).any():
+        raise InputError(f"{name}: {given!r} given, expected 0 or more")
+    return values
+
+
 class LoopEnv(gymnasium.Env[_Array, _Array]):
     """The plant of a config under inputs of your own, a step of T at a time.
 
@@ -78,8 +99,8 @@ class LoopEnv(gymnasium.Env[_Array, _Array]):
         self._start = np.array(control["initial_state"], dtype=np.float64)
         none = [0.0] * len(self._r)
         self._first_input = np.array(control.get("initial_input", none), dtype=np.float64)
-        self._spread = np.broadcast_to(np.asarray(spread, dtype=np.float64), len(names))
-        self._noise_sd = np.broadcast_to(np.asarray(noise_sd, dtype=np.float64), len(names))
+        self._spread = _sizes("spread", spread, len(names))
+        self._noise_sd = _sizes("noise_sd", noise_sd, len(names))
         size = len(names) + len(self._places)
         self.observation_space = gymnasium.spaces.Box(-np.inf, np.inf, (size,), np.float64)
         low, high = (np.array(control[key], np.float64) for key in ("input_low", "input_high"))
@@ -98,7 +119,7 @@ class LoopEnv(gymnasium.Env[_Array, _Array]):
         if given is None:
             self._x = self._start + self.np_random.uniform(-1, 1, len(self._start)) * self._spread
         else:
-            self._x = np.array(given, dtype=np.float64)
+            self._x = _numbers('options["x"]', given, len(self._start), "state")
         self._u, self._k = self._first_input, 0
         return self._observation(), self._info()
 
@@ -106,9 +127,7 @@ class LoopEnv(gymnasium.Env[_Array, _Array]):
         """Moves the plant on by T under the input ``action``."""
         box = self.action_space
         assert isinstance(box, gymnasium.spaces.Box)
-        u = np.asarray(action, dtype=np.float64)
-        if u.shape != box.shape:
-            raise InputError(f"action: shape {u.shape} given, expected {box.shape}, one per input")
+        u = _numbers("action", action, len(self._r), "input")
         u = np.clip(u, self._u + self._least_change, self._u + self._most_change)
         u = np.clip(u, box.low, box.high)
         reference = self._reference()
