@@ -37,5 +37,8 @@ fn a_prior_counts_beside_one_channel_by_its_residuals() {
     let value = found.parameters[0].value;
     // Weights count as settled at 1 %.
     assert!((value - expected).abs() < 0.01 * (1.7 - expected), "{value} {expected}");
-    assert!((1.65..1.7).contains(&expected), "the prior is to count, and the data more: {expected}");
+    assert!(
+        (1.65..1.7).contains(&expected),
+        "the prior is to count, and the data more: {expected}"
+    );
 }
