@@ -322,6 +322,10 @@ fn measurements(spec: &DataSpec) -> Checked {
     if spec.files.is_empty() {
         return value("data.files", "[]", "at least one CSV file");
     }
+    if let Some(i) = spec.held_out.iter().position(|file| spec.files.contains(file)) {
+        let file = spec.held_out[i].display().to_string();
+        return value(&format!("data.held_out[{i}]"), file, "a file that is not in data.files");
+    }
     positive("data.weight", spec.weight)
 }
 
