@@ -80,8 +80,9 @@ impl Measurements {
             };
             for (row, held) in rows[i + 1..].iter().zip(&rows[i..]) {
                 let t = row.t - start.t;
-                // Times are sums of rounded numbers: the end of a step still belongs to it.
-                if t > sample_time_s * (1.0 + 1e-9) || held.input != start.input {
+                // Times are rounded, and sums of such: the end of a step still belongs to it.
+                let end = sample_time_s * (1.0 + 1e-9) + 2.0 * f64::EPSILON * row.t.abs();
+                if t > end || held.input != start.input {
                     break;
                 }
                 if row.state.iter().any(Option::is_some) {

@@ -47,6 +47,16 @@ fn a_trajectory_is_cut_where_a_step_can_begin_and_must_end() {
     assert_eq!((measured.len(), measured.values()), (3, 4));
 }
 
+/// Doubles have Unix times to 2.4e-7 s: the end of a step belongs to it all the same.
+#[test]
+fn a_trajectory_may_have_unix_times() {
+    let times = (0..10).map(|k| 1.7e9 + 0.1 * f64::from(k));
+    let rows: Vec<_> = times.map(|t| row(t, 0.1, [Some(1.0), Some(2.0)])).collect();
+    let mut measured = Measurements::new(pinc_ode::Dims::new(2, 1));
+    measured.push_trajectory(0.1, &[], &rows);
+    assert_eq!(measured.len(), 9);
+}
+
 fn domain() -> Domain {
     Domain::new(vec![-2.0..=2.0; 2], [-1.0..=1.0])
 }
