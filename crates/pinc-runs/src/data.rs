@@ -80,8 +80,9 @@ fn steps(
         let at = |problem| (line, problem);
         let number = |i: usize| finite(&row[places[i]], &names[i]).map_err(at);
         let t = number(0)?;
-        if !(0.0..=sample_time_s * (1.0 + 1e-9)).contains(&t) {
-            let expected = format!("from 0 to T = {sample_time_s} s");
+        // At t = 0 the state is the row's own.
+        if !(t > 0.0 && t <= sample_time_s * (1.0 + 1e-9)) {
+            let expected = format!("more than 0, up to T = {sample_time_s} s");
             return Err(at(format!("column `t`: {t} s given, expected {expected}")));
         }
         let u = (1..=m).map(number).collect::<Result<Vec<_>, _>>()?;

@@ -4,7 +4,9 @@ use super::data::{self, Data};
 use crate::RunError;
 use crate::invocation::cores;
 use pinc_config::{DataSpec, Experiment, TrainingSpec};
-use pinc_net::{Domain, NetConfig, Trainer, Training, ValidationConfig, ValidationSet};
+use pinc_net::{
+    Domain, Measurements, NetConfig, Trainer, Training, ValidationConfig, ValidationSet,
+};
 use pinc_ode::DynPlant;
 use std::collections::BTreeMap;
 use std::path::PathBuf;
@@ -54,6 +56,7 @@ impl<'a> TrainingSetup<'a> {
             test = test.with_measurements(held_out.measurements);
         }
         let measured = self.measured(experiment, |data| &data.files)?;
+        measured.iter().for_each(|data| self.warn_outside(&data.measurements));
         let weight = self.data.map_or(0.0, |data| data.weight);
         let unknown = self.data.filter(|data| !data.parameters.is_empty());
         let unknown = unknown.map(|data| Unknown::of(experiment, &data.parameters));
@@ -92,6 +95,20 @@ impl<'a> TrainingSetup<'a> {
             validation: self.validation.clone(),
             seed,
             threads: 1,
+        }
+    }
+
+    /// Says where measurements alone hold the net.
+    fn warn_outside(&self, measured: &Measurements) {
+        let points = measured.points();
+        let excess = |k: usize| self.domain.excess(points.state(k), points.input(k), &[]);
+        let outside = (0..measured.len()).filter(|k| excess(*k).any(|off| off > 0.0)).count();
+        if outside > 0 {
+            let of = measured.len();
+            tracing::warn!(
+                "data.files: {outside} of {of} points lie outside [domain], where the equation \
+                 is not asked for"
+            );
         }
     }
 

@@ -408,9 +408,11 @@ fn free_runs_that_leave_the_domain_or_fail() {
 /// The findings on `[data]` with one file of these steps.
 fn on_measurements(steps: &str, held_out: bool) -> Vec<Finding> {
     let dir = tempfile::tempdir().unwrap();
-    let file = dir.path().join("m.csv");
-    std::fs::write(&file, format!("x1_0,x2_0,u,t,x1,x2\n{steps}")).unwrap();
-    let held_out = if held_out { format!("held_out = [{file:?}]") } else { String::new() };
+    let [file, other] = ["m.csv", "held-out.csv"].map(|name| dir.path().join(name));
+    for path in [&file, &other] {
+        std::fs::write(path, format!("x1_0,x2_0,u,t,x1,x2\n{steps}")).unwrap();
+    }
+    let held_out = if held_out { format!("held_out = [{other:?}]") } else { String::new() };
     let model = "[model]\nhorizon_s = 0.5\nhidden_layers = 1\nneurons = 4\n[training]";
     let data = format!("[data]\nfiles = [{file:?}]\n{held_out}");
     findings_with(Test::Damped, &[], &format!("{FREE}\n{model}\n{data}"))
@@ -426,7 +428,7 @@ fn measurements_inside_the_domain_outside_of_it_and_unreadable() {
     assert_found(&found, Warning, "data.held_out", "no measurements are held out");
     let found = on_measurements("1,0,0.5,0.5,much,\n", true);
     assert_found(&found, Error, "data.files", "m.csv:2: column `x1`: `much` given");
-    assert_found(&found, Error, "data.held_out", "m.csv:2: column `x1`: `much` given");
+    assert_found(&found, Error, "data.held_out", "held-out.csv:2: column `x1`: `much` given");
 }
 
 #[test]

@@ -36,8 +36,8 @@ const STEPS: &str = "x1_0,x2_0,u,t,x1,x2\n1,0,0.5,0.5,0.8,\n-1,0.5,0,0.25,,0.8\n
 #[test]
 fn both_kinds_of_file_enter_loss_record_and_metrics() {
     let dir = tempfile::tempdir().unwrap();
-    let files = [("a.csv", TRAJECTORY), ("b.csv", STEPS)];
-    let data = "files = [\"a.csv\", \"b.csv\"]\nheld_out = [\"b.csv\"]";
+    let files = [("a.csv", TRAJECTORY), ("b.csv", STEPS), ("c.csv", STEPS)];
+    let data = "files = [\"a.csv\", \"b.csv\"]\nheld_out = [\"c.csv\"]";
     let outcome = train(dir.path(), &files, data);
     assert_eq!(outcome.code, Some(0), "{outcome:?}");
     assert!(outcome.stdout.contains("held out"), "{outcome:?}");
@@ -74,8 +74,9 @@ fn bad_files_are_refused_with_line_and_column() {
     refused(&STEPS.replace("x2_0", "x1_0"), &["m.csv:1: column `x1_0` more than once"]);
     refused(
         &STEPS.replace("0,0.25,,0.8", "0,0.75,,0.8"),
-        &["m.csv:3: column `t`: 0.75 s given, expected from 0 to T = 0.5 s"],
+        &["m.csv:3: column `t`: 0.75 s given, expected more than 0, up to T = 0.5 s"],
     );
+    refused(&STEPS.replace("0,0.25,,0.8", "0,0,,0.8"), &["m.csv:3: column `t`: 0 s given"]);
     refused(&STEPS.replace("1,0,0.5", "1,,0.5"), &["m.csv:2: column `x2_0`: `` given"]);
     refused(&STEPS.replace("0.25,,0.8", "0.25,0.8"), &["m.csv:3: not a CSV file"]);
     // Nothing follows a full row within T.
@@ -85,6 +86,19 @@ fn bad_files_are_refused_with_line_and_column() {
     );
 }
 
+/// Measurements in wrong units, or of another operating point, are used and not passed over.
+#[test]
+fn measurements_outside_the_domain_are_counted() {
+    for (steps, said) in [(STEPS, None), (&STEPS.replace("1,0,0.5,", "1,0,30,"), Some("1 of 2"))] {
+        let dir = tempfile::tempdir().unwrap();
+        let outcome = train(dir.path(), &[("m.csv", steps)], "files = [\"m.csv\"]");
+        assert_eq!(outcome.code, Some(0), "{outcome:?}");
+        let warned = outcome.stderr.contains("points lie outside [domain]");
+        assert_eq!(warned, said.is_some(), "{outcome:?}");
+        assert!(said.is_none_or(|said| outcome.stderr.contains(said)), "{outcome:?}");
+    }
+}
+
 #[test]
 fn bad_sections_are_refused() {
     let dir = tempfile::tempdir().unwrap();
@@ -92,6 +106,10 @@ fn bad_sections_are_refused() {
     refused("files = []", &["`data.files`: [] given, expected at least one CSV file"]);
     refused("files = [\"m.csv\"]\nweight = -1.0", &["`data.weight`: -1 given"]);
     refused("files = [\"none.csv\"]", &["none.csv: cannot be read"]);
+    refused(
+        "files = [\"a.csv\", \"m.csv\"]\nheld_out = [\"m.csv\"]",
+        &["`data.held_out[0]`: m.csv given, expected a file that is not in data.files"],
+    );
     refused("file = [\"m.csv\"]", &["`data.file`: unknown key", "did you mean `files`?"]);
 }
 
@@ -202,7 +220,7 @@ fn unknown_parameters_that_make_no_sense_are_refused() {
         &["data.files", "no such key with [domain.parameters]"],
     );
     refused(
-        "parameters = [\"mu\"]\nheld_out = [\"m.csv\"]",
+        "parameters = [\"mu\"]\nheld_out = [\"other.csv\"]",
         &["data.held_out", "no such key with data.parameters"],
     );
 }
