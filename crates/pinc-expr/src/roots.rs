@@ -61,8 +61,10 @@ pub enum UnsolvedReason {
     NoRoot {
         /// The unknowns with their values where the search ended.
         at: Vec<(String, f64)>,
-        /// What is not 0 there.
+        /// The residuals there.
         residuals: Vec<f64>,
+        /// Whether dg/dz is singular there, so that the search could not go on.
+        is_singular: bool,
     },
 }
 
@@ -83,15 +85,25 @@ impl fmt::Display for UnsolvedReason {
                 write!(f, "not defined where the search starts, at {}", listed(start))
             }
             Self::Singular { at } => {
-                write!(f, "the derivative by the unknowns is singular at {}", listed(at))
+                write!(
+                    f,
+                    "the derivative by the unknowns is singular at {}, where the equations do not \
+                     determine them",
+                    listed(at)
+                )
             }
-            Self::NoRoot { at, residuals } => {
+            Self::NoRoot { at, residuals, is_singular } => {
                 let residuals: Vec<_> = residuals.iter().map(|g| short(*g)).collect();
                 write!(
                     f,
-                    "no root found in the box: the search ended at {}, where {} should be 0",
+                    "no root found in the box: the search ended at {}, where {} should be 0{}",
                     listed(at),
-                    residuals.join(", ")
+                    residuals.join(", "),
+                    if *is_singular {
+                        " and the derivative by the unknowns is singular"
+                    } else {
+                        ""
+                    }
                 )
             }
         }
@@ -202,11 +214,14 @@ impl AlgebraicSystem {
             on.linearize(&root.z, &mut g, &mut slopes);
             let at = || self.named(b, &root.z);
             let (sign, pivot) = determinant(&block.limits[..n], slopes);
-            if !root.unsolved.all_nonpositive() {
+            let is_singular = pivot.is_nan() || pivot <= SINGULAR;
+            // From a root where dg/dz is singular Newton's method has no step, as from no root.
+            let is_root = root.unsolved.all_nonpositive() || g[..n].iter().all(|g| g.abs() <= 0.0);
+            if !is_root {
                 let residuals = g[..n].to_vec();
-                return Err(unsolved(UnsolvedReason::NoRoot { at: at(), residuals }));
+                return Err(unsolved(UnsolvedReason::NoRoot { at: at(), residuals, is_singular }));
             }
-            if pivot.is_nan() || pivot <= SINGULAR {
+            if is_singular {
                 return Err(unsolved(UnsolvedReason::Singular { at: at() }));
             }
             signs.push(sign);

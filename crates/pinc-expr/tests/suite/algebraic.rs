@@ -294,6 +294,27 @@ fn no_root_and_several() {
     assert_eq!(plant.explain(&[0.6, 0.0], &[0.0], &[]), None);
 }
 
+/// Two equations that are one determine nothing, though the search begins at a root of them; and two
+/// that contradict each other have none.
+#[test]
+fn singular_equations_are_called_so() {
+    let of = |second: &str| {
+        let unknown = |equation: &str| unknown(equation, None, [0.0, 3.0]);
+        let algebraic =
+            [("a".to_owned(), unknown("a - b")), ("b".to_owned(), unknown(second))].into();
+        let equations =
+            Equations { algebraic, derivatives: texts(&[("x", "a"), ("y", "u + b")]), ..frame() };
+        let system = equations.algebraic_equations().unwrap().unwrap();
+        system.solve(&[0.0; 3]).unwrap_err().to_string()
+    };
+    let singular = of("b - a");
+    assert!(singular.contains("the unknowns is singular at "), "{singular}");
+    assert!(!singular.contains("no root"), "{singular}");
+    let neither = of("b - a + 1");
+    let both = "1, 0 should be 0 and the derivative by the unknowns is singular";
+    assert!(neither.contains("no root found") && neither.ends_with(both), "{neither}");
+}
+
 #[test]
 fn lanes_without_a_root_do_not_disturb_others() {
     let plant = circle().compile().unwrap();
