@@ -5,6 +5,7 @@
 //!   and where the fit starts; [`Recording`]: the data.
 //! - [`identify`]: fits by single shooting or, if needed, by multiple shooting;
 //!   [`identify_from_starts`] fits from many starts and takes the best.
+//! - [`weighed_by_residuals`]: repeats a fit until each channel counts by its residuals.
 //! - [`simulate_held_out`]: tests the fit on data that it has not seen.
 //! - [`Identified`]: values with 95 % intervals, correlations, residuals, and a [`Diagnosis`]: which
 //!   parameters the data do not determine, and what looks wrong.
@@ -41,6 +42,7 @@ pub use fit::FitStatus;
 pub use held_out::simulate_held_out;
 pub use identify::identify;
 pub use method::{Method, Why};
+pub use noise::weighed_by_residuals;
 pub use pinc_estimate::Measured;
 pub use problem::{Channel, Criterion, InitialState, Prior, Problem, Recording, Unknown};
 pub use result::{ChannelFit, Estimate, Identified, InputCorrelation};

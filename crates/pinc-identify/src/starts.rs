@@ -3,17 +3,28 @@
 use crate::fit::{Fit, FitStatus};
 use crate::identify::{Begun, checked, identify};
 use crate::method::Method;
-use crate::problem::{Problem, Recording};
+use crate::problem::{Problem, Recording, Unknown};
 use crate::result::Identified;
 use crate::trajectory::{Evaluation, Work};
 use crate::{IdentifyError, points};
 use pinc_ode::Model;
 use std::sync::Mutex;
 
+/// The starts of a fit whose parameters all have bounds.
+const STARTS: usize = 16;
 /// Iterations of each start before the best ones are chosen.
 const SHORT: usize = 10;
 /// The share by which the costs of fits differ that ended in the same minimum.
 const SAME: f64 = 1e-6;
+
+impl Problem {
+    /// How many starts a fit has if none are asked for: several only where bounds say between what.
+    #[must_use]
+    pub fn default_starts(&self) -> usize {
+        let several = !self.unknown.is_empty() && self.unknown.iter().all(Unknown::is_bounded);
+        if several { STARTS } else { 1 }
+    }
+}
 
 /// How a fit uses its starts.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

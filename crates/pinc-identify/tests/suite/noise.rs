@@ -1,7 +1,7 @@
 //! Weights of measurements whose noise is not known.
 
 use crate::support::{noise, plant, problem};
-use pinc_identify::{InitialState, Prior, Recording, identify};
+use pinc_identify::{InitialState, Prior, Problem, Recording, identify, weighed_by_residuals};
 use pinc_ode::Integrator;
 
 /// x' = c u under u = 1 from x = 0, so x = c t: a line with one unknown slope, of which the prior
@@ -28,12 +28,8 @@ fn a_prior_counts_beside_one_channel_by_its_residuals() {
         problem(&*plant, &[0], None, &[(1.0, 0.1, 4.0)], InitialState::Fixed(vec![0.0]));
     problem.unknown[0].prior = Some(Prior { mean, sd });
     let recordings = [Recording { name: "line", u: &u, y: &y }];
-    let mut problem = problem.with_first_weights(&recordings);
-    let mut found = identify(&mut *model, &problem, &recordings).unwrap();
-    while let Some(next) = problem.reweighed(&found, &recordings) {
-        problem = next;
-        found = identify(&mut *model, &problem, &recordings).unwrap();
-    }
+    let fit = |problem: &Problem, _: usize| identify(&mut *model, problem, &recordings);
+    let (_, found) = weighed_by_residuals(problem, &recordings, 1, fit).unwrap();
     let value = found.parameters[0].value;
     // Weights count as settled at 1 %.
     assert!((value - expected).abs() < 0.01 * (1.7 - expected), "{value} {expected}");

@@ -13,6 +13,7 @@ use pinc_config::{
 use pinc_identify::{
     Channel, Criterion, Estimate, Identified, IdentifyError, InitialState, Prior, Problem,
     Recording, Side, Start, Starts, Unknown, identify_from_starts, simulate_held_out,
+    weighed_by_residuals,
 };
 use pinc_net::{PincModel, PincNet};
 use pinc_ode::{DynPlant, Model, WithOutputs};
@@ -30,10 +31,6 @@ use std::time::Instant;
 
 /// Substeps of an integrator of which no config says how many.
 const SUBSTEPS: usize = 4;
-/// The starts of a fit whose parameters all have bounds.
-const STARTS: usize = 16;
-/// How many times weights are found anew from residuals at most.
-const REWEIGHED: usize = 20;
 /// The rows of a file that is held out to which its initial state is fitted.
 const VALIDATION_ROWS: usize = 5;
 /// How many steps may lie between two rows.
@@ -99,7 +96,7 @@ pub fn identify(
     let unseen = recorded(held_out, &tables(held_out)?)?;
     let recorded = recorded(data, &fitted)?;
     let (problem, plant) = problem(experiment, spec, &variables, net)?;
-    let starts = starts.or(spec.starts).unwrap_or_else(|| default_starts(&problem));
+    let starts = starts.or(spec.starts).unwrap_or_else(|| problem.default_starts());
     let model = || fitted_model(experiment, spec, (kind, net), &*plant, sample_time_s);
     let recordings: Vec<_> = recorded.iter().map(Recorded::recording).collect();
     let clock = Instant::now();
@@ -112,19 +109,7 @@ pub fn identify(
         let found = identify_from_starts(models, problem, &recordings, with);
         found.map_err(|error| in_file(error, data))
     };
-    let initial = problem.unknown.clone();
-    let mut problem = problem.with_first_weights(&recordings);
-    let mut found = fit(&problem, starts)?;
-    let mut rounds = 0;
-    while let Some(next) = problem.reweighed(&found, &recordings).filter(|_| rounds < REWEIGHED) {
-        problem = next;
-        found = fit(&problem, 1)?;
-        rounds += 1;
-    }
-    if rounds > 0 && starts > 1 {
-        found = fit(&problem, starts)?;
-    }
-    problem.unknown = initial;
+    let (problem, found) = weighed_by_residuals(problem, &recordings, starts, fit)?;
     let wall_s = clock.elapsed().as_secs_f64();
     let rows = spec.validation_rows.unwrap_or(VALIDATION_ROWS);
     let mut of_unseen = Vec::new();
@@ -151,12 +136,6 @@ pub fn identify(
     run_dir.update(|_| {})?;
     rebuild_report(dir)?;
     Ok(metrics)
-}
-
-/// How many starts a fit has if none are asked for: several only where bounds say between what.
-fn default_starts(problem: &Problem) -> usize {
-    let several = !problem.unknown.is_empty() && problem.unknown.iter().all(Unknown::is_bounded);
-    if several { STARTS } else { 1 }
 }
 
 /// The first model of the loop that is an integrator, or else RK4.
