@@ -21,6 +21,8 @@ pub(crate) struct Run {
     pub(crate) config_text: String,
     pub(crate) experiment: Experiment,
     pub(crate) metrics: Option<Metrics>,
+    /// Whether a training waits to be resumed.
+    pub(crate) is_unfinished: bool,
     pub(crate) provenance: Option<Provenance>,
     pub(crate) training: Option<Vec<TrainingRow>>,
     /// The errors of the net over its domain.
@@ -62,6 +64,9 @@ impl Run {
         let config_text = read_text(&path)?.ok_or_else(missing)?;
         let experiment = Experiment::read_back(&path, &config_text)?;
         let metrics = Metrics::read(dir)?;
+        if !metrics.as_ref().is_some_and(Metrics::has_results) {
+            of_another_command(dir)?;
+        }
         let only = metrics.iter().flat_map(|metrics| &metrics.control).map(|of| of.model).next();
         // Times are shown in the config's unit.
         let second = 1.0 / experiment.time_unit.unwrap_or(TimeUnit::S).seconds();
@@ -94,6 +99,7 @@ impl Run {
         Ok(Self {
             identification: IdentificationMetrics::read(dir)?,
             residuals,
+            is_unfinished: dir.join(file::CHECKPOINT).exists(),
             provenance: Provenance::read(dir)?,
             training: read_fixed_table(&dir.join(file::TRAINING))?,
             domain_error: DomainErrorTable::read(&dir.join(file::DOMAIN_ERROR))?,
@@ -206,6 +212,24 @@ impl Run {
     fn common_unit(&self, variables: &[impl AsRef<str>]) -> Option<&str> {
         let first = self.unit(variables.first()?.as_ref())?;
         variables.iter().all(|v| self.unit(v.as_ref()) == Some(first)).then_some(first)
+    }
+}
+
+/// What commands leave that make no runs, and the report or table that shows their results.
+const OTHERS: [(&str, &str, &str); 4] = [
+    ("tune.csv", "pinc tune", "held-out/report.html"),
+    ("recommended.toml", "pinc choose", "tried/report.html"),
+    ("shrink.csv", "pinc shrink", "shrink.csv"),
+    (file::CERTIFY, "pinc certify", file::CERTIFY),
+];
+
+/// An error if the files in `dir` are of such a command.
+fn of_another_command(dir: &Path) -> Result<(), ReportError> {
+    match OTHERS.into_iter().find(|(of, ..)| dir.join(of).exists()) {
+        None => Ok(()),
+        Some((_, command, place)) => {
+            Err(ReportError::NotOfARun { dir: dir.to_owned(), command, place: dir.join(place) })
+        }
     }
 }
 

@@ -34,6 +34,16 @@ pub enum ReportError {
         /// The directory.
         dir: PathBuf,
     },
+    /// The results of a command that makes no runs.
+    #[error("{}: results of `{command}`, not of a run; see {}", dir.display(), place.display())]
+    NotOfARun {
+        /// The directory.
+        dir: PathBuf,
+        /// The command.
+        command: &'static str,
+        /// The report or table of these results.
+        place: PathBuf,
+    },
     /// A run without results.
     #[error("{}: the run has no metrics.json; finish it with `pinc run --resume`", dir.display())]
     NoMetrics {

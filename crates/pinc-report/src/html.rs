@@ -75,13 +75,16 @@ fn header(run: &Run) -> String {
     out + "</header>\n"
 }
 
-/// What the report would show, were its file there.
+/// What is missing: the rest of an unfinished run, or files.
 fn notes(run: &Run) -> Vec<String> {
-    let mut notes = match run.trials {
+    let unfinished = "The training is not finished, and what follows it is missing: continue with \
+                      --resume.";
+    let mut notes = Vec::from_iter(run.is_unfinished.then(|| unfinished.to_owned()));
+    notes.extend(match run.trials {
         // What was only identified has no loops.
         None if run.identification.is_none() => missing_tables(run),
         _ => Vec::new(),
-    };
+    });
     for (file, content, missing) in [
         (file::METRICS, "table of metrics", run.metrics.is_none() && run.trials.is_none()),
         (file::PROVENANCE, "provenance", run.provenance.is_none()),

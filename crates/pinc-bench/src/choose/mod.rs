@@ -165,7 +165,8 @@ fn write_report(session: &Session<'_>, tried: &[Tried]) -> Result<PathBuf, RunEr
     for (trial, tried) in all.iter_mut().zip(&ended) {
         trial.id.clone_from(&tried.place);
     }
-    sweep::write_report(&experiment, &all, &session.run_dir.path(TRIED), &session.sweep_dir)
+    let dir = session.run_dir.path(TRIED);
+    sweep::write_report(&experiment, &all, &dir, &session.sweep_dir, &session.begun)
 }
 
 /// Copies the net of the model to use to where the recommended config is; gives whether it has one.

@@ -23,7 +23,7 @@ pub(super) struct Session<'a> {
     pub(super) run_dir: RunDir,
     pub(super) sweep_dir: SweepDir,
     plants: &'a Plants,
-    begun: Invocation,
+    pub(super) begun: Invocation,
     options: &'a Options<'a>,
     /// Until when models are tried.
     trying: Deadline,

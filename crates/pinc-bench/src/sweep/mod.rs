@@ -386,6 +386,7 @@ pub(crate) fn write_report(
     trials: &[Trial],
     dir: &Path,
     sweep_dir: &SweepDir,
+    begun: &Invocation,
 ) -> Result<PathBuf, RunError> {
     match std::fs::remove_dir_all(dir) {
         Err(error) if error.kind() != std::io::ErrorKind::NotFound => {
@@ -394,6 +395,7 @@ pub(crate) fn write_report(
         _ => {}
     }
     let mut run_dir = RunDir::open(dir, experiment, std::process::id())?;
+    run_dir.write_provenance(&Provenance::of(experiment, begun.clone()), false)?;
     let mut ledger = Ledger::new(experiment, trials);
     ledger.look_up(sweep_dir)?;
     for (name, table) in tables(experiment, trials, &ledger) {

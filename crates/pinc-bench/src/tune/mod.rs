@@ -298,7 +298,7 @@ impl Session<'_> {
             own.cloned().collect()
         };
         let results = self.run(&CASES.map(of))?;
-        let report = write_report(&experiment, &all, &dir, &self.sweep_dir)?;
+        let report = write_report(&experiment, &all, &dir, &self.sweep_dir, &self.begun)?;
         Ok((report, [0, 1].map(|case| cost.score(&results[case]))))
     }
 }

@@ -68,6 +68,14 @@ pub struct Metrics {
 pub const DISTILLED: &str = "distilled net";
 
 impl Metrics {
+    /// Whether any stage has left numbers.
+    #[must_use]
+    pub fn has_results(&self) -> bool {
+        let of_net = self.training.is_some() || self.validation.is_some();
+        let of_loops = !(self.control.is_empty() && self.one_step.is_empty());
+        of_net || of_loops || self.prediction.is_some() || self.sweep.is_some()
+    }
+
     /// No results yet of `experiment`.
     #[must_use]
     pub fn new(experiment: &Experiment) -> Self {

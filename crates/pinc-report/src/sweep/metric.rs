@@ -52,6 +52,11 @@ impl Metric {
         trials.cells().iter().filter_map(move |cell| self.spread(trials, cell, column))
     }
 
+    /// Whether some trial has such a number.
+    fn is_known(&self, trials: &Trials) -> bool {
+        self.columns.iter().any(|(column, _)| self.spreads(trials, *column).next().is_some())
+    }
+
     /// The value that every trial of every cell has in common, in all columns, if there are
     /// several.
     fn constant(&self, trials: &Trials) -> Option<f64> {
@@ -91,7 +96,10 @@ pub(super) struct Selection {
 impl Selection {
     pub(super) fn of(run: &Run, trials: &Trials) -> Self {
         let (mut varying, mut constant) = (Vec::new(), Vec::new());
-        for metric in metrics(run, trials).into_iter().chain(time(trials)) {
+        let all = metrics(run, trials).into_iter().chain(time(trials));
+        let (known, unknown): (Vec<_>, Vec<_>) = all.partition(|metric| metric.is_known(trials));
+        // Loops without a net have no error of one; without any numbers the report says so.
+        for metric in if known.is_empty() { unknown } else { known } {
             match metric.constant(trials) {
                 Some(value) => constant.push((metric, value)),
                 None => varying.push(metric),

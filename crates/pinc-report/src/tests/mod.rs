@@ -424,6 +424,33 @@ fn missing_files_leave_their_sections_out() {
     assert!(error.contains("config.toml: cannot be read"), "{error}");
 }
 
+/// A killed training leaves its checkpoint, and no loop has run.
+#[test]
+fn an_unfinished_run_says_so() {
+    let dir = whole();
+    write(&dir, "checkpoint.bin", "");
+    let html = build(dir.path()).unwrap();
+    assert!(html.contains("The training is not finished"), "no note");
+}
+
+/// Each of these commands leaves a table or a report of its own, and a config.
+#[test]
+fn directories_of_other_commands_are_refused_by_name() {
+    for (file, command, place) in [
+        ("tune.csv", "pinc tune", "held-out/report.html"),
+        ("recommended.toml", "pinc choose", "tried/report.html"),
+        ("shrink.csv", "pinc shrink", "shrink.csv"),
+        ("certify.json", "pinc certify", "certify.json"),
+    ] {
+        let dir = whole();
+        write(&dir, file, "");
+        assert!(build(dir.path()).is_ok(), "a run with results is shown whatever is beside them");
+        fs::remove_file(dir.path().join("metrics.json")).unwrap();
+        let error = build(dir.path()).unwrap_err().to_string();
+        assert!(error.contains(command) && error.ends_with(place), "{error}");
+    }
+}
+
 /// An older run directory lacks what was added since; `null` stands for NaN and infinity.
 #[test]
 fn metrics_of_an_older_run_are_read_and_missing_numbers_are_dashes() {

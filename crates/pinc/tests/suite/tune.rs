@@ -95,6 +95,10 @@ fn the_tuned_config_is_better_on_other_plants_and_a_resumed_run_repeats_nothing(
     let mut command = pinc(&["control", "--quiet", "--out"]);
     assert_eq!(outcome(command.arg(dir.path().join("run")).arg(&path)).code, Some(0));
     assert!(out.join("held-out/report.html").exists());
+    let page = fs::read_to_string(out.join("held-out/report.html")).unwrap();
+    assert!(page.contains("Provenance") && !page.contains("class=\"note\""), "no provenance");
+    assert!(!page.contains("validation MSE"), "a loop without a net has none");
+    outcome(pinc(&["report"]).arg(&out)).assert_refused(&["pinc tune", "held-out/report.html"]);
     let table = fs::read_to_string(out.join("tune.csv")).unwrap();
     assert_eq!(table.lines().count(), 2 + 24);
     assert!(table.starts_with("candidate,failed,cost,iae_dense_sum,input_travel,violation_share,"));
