@@ -102,7 +102,10 @@ impl std::fmt::Display for FirstPlanMetrics {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         match self.best {
             0 => write!(f, "no other of {} starts gives a cheaper first plan", self.starts),
-            best => write!(f, "start {} of {} gives the first plan", best + 1, self.starts),
+            best => {
+                let last = self.starts.saturating_sub(1);
+                write!(f, "start {best} of 0 to {last} gives the first plan")
+            }
         }
     }
 }

@@ -147,7 +147,7 @@ fn the_start_of_the_first_plan_is_named() {
     let started = r#""start": { "starts": 8, "best": 2 }, "model": "pinc","#;
     write(&dir, "metrics.json", &METRICS.replacen(r#""model": "pinc","#, started, 1));
     let html = build(dir.path()).unwrap();
-    assert!(html.contains("With PINC start 3 of 8 gives the first plan."));
+    assert!(html.contains("With PINC start 2 of 0 to 7 gives the first plan."));
 }
 
 #[test]
