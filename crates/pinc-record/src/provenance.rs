@@ -8,8 +8,8 @@ use std::path::Path;
 
 /// Everything needed to reproduce a result: `provenance.json`.
 ///
-/// It names neither the machine nor its user: paths outside the working directory are cut down to
-/// their last part.
+/// It names neither the machine nor its user: of paths outside the working directory only the last
+/// part is kept, after `.../`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Provenance {
     /// When and with what the run began.

@@ -29,8 +29,11 @@ pub fn cores() -> usize {
     given.filter(|cores| *cores > 0).unwrap_or_else(all)
 }
 
+/// What a path begins with whose directories are left out.
+const CUT: &str = ".../";
+
 /// An argument in which a path says nothing of where its user keeps things: relative to the working
-/// directory if it is below, else its last part.
+/// directory if it is below, else its last part behind `CUT`.
 fn without_places(argument: &str) -> String {
     let (key, value) = match argument.split_once('=') {
         Some((key, value)) if key.starts_with("--") => (Some(key), value),
@@ -44,7 +47,7 @@ fn without_places(argument: &str) -> String {
     let below = here.and_then(|here| path.strip_prefix(here).ok().map(Path::to_owned));
     let short = match below.filter(|below| is_below(below)) {
         Some(below) => below.to_string_lossy().into_owned(),
-        None => path.file_name().map_or("..".into(), |name| name.to_string_lossy()).into_owned(),
+        None => CUT.to_owned() + &path.file_name().unwrap_or_default().to_string_lossy(),
     };
     match key {
         Some(key) => format!("{key}={short}"),
