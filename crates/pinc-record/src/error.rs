@@ -58,7 +58,7 @@ pub enum RecordError {
         holder: Option<u32>,
     },
     /// The directory does not exist or is a file.
-    #[error("{}: not a directory", path.display())]
+    #[error("{}: not a directory, or it does not exist", path.display())]
     NotADirectory {
         /// Its path.
         path: PathBuf,

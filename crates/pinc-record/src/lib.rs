@@ -57,7 +57,7 @@ pub use metrics::{
     ReferenceMetrics, StepErrors, SweepMetrics, TrainingMetrics, TubeMetrics, ValidationMetrics,
     is_failure,
 };
-pub use provenance::{Invocation, Provenance};
+pub use provenance::{Invocation, Provenance, rfc3339};
 pub use run_dir::RunDir;
 pub use search::{Best, Eligibility, Search};
 pub use spread::Spread;

@@ -93,6 +93,19 @@ impl RunDir {
         self.lock.as_ref().is_some_and(|lock| lock.is_real())
     }
 
+    /// Checks that `dir` is the directory of some run or sweep.
+    ///
+    /// # Errors
+    ///
+    /// [`RecordError`] if there is no such directory, or no config in it.
+    pub fn expect(dir: &Path) -> Result<(), RecordError> {
+        match (dir.is_dir(), dir.join(file::CONFIG).exists()) {
+            (true, true) => Ok(()),
+            (true, false) => Err(RecordError::NoRunDirectory { dir: dir.to_owned() }),
+            (false, _) => Err(RecordError::NotADirectory { path: dir.to_owned() }),
+        }
+    }
+
     /// Whether `dir` is the directory of a run of `experiment`.
     #[must_use]
     pub fn is_of(dir: &Path, experiment: &Experiment) -> bool {

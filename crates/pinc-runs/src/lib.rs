@@ -177,9 +177,7 @@ pub fn control(
 ///
 /// [`RunError`] if the directory holds no run, or damaged files.
 pub fn rebuild_report(dir: &Path) -> Result<PathBuf, RunError> {
-    if dir.is_dir() && !dir.join(file::CONFIG).exists() {
-        return Err(RecordError::NoRunDirectory { dir: dir.to_owned() }.into());
-    }
+    RunDir::expect(dir)?;
     let report = report::build(dir)?;
     write_figures(&dir.join(file::FIGURES), &report.figures)?;
     let path = dir.join(file::REPORT);

@@ -5,12 +5,11 @@ use super::{effort_of_trainings, made};
 use crate::slurm::queue_in_words;
 use pinc_config::{Experiment, Plants};
 use pinc_record::work::{Estimate, Ledger, expected};
-use pinc_record::{Eligibility, Ending, RecordError, RunDir, SweepDir, SweepMetrics, file};
+use pinc_record::{Eligibility, Ending, RunDir, SweepDir, SweepMetrics, file, rfc3339};
 use pinc_runs::RunError;
-use pinc_runs::invocation::rfc3339;
 use std::fmt;
 use std::path::Path;
-use std::time::{Duration, UNIX_EPOCH};
+use std::time::Duration;
 
 /// How many failed trials are named.
 const NAMED: usize = 5;
@@ -43,9 +42,7 @@ pub struct Status {
 ///
 /// [`RunError`] if the directory holds no sweep.
 pub fn status(dir: &Path, plants: &Plants) -> Result<Status, RunError> {
-    if !dir.join(file::CONFIG).exists() {
-        return Err(RecordError::NoRunDirectory { dir: dir.to_owned() }.into());
-    }
+    RunDir::expect(dir)?;
     let experiment = Experiment::load(&dir.join(file::CONFIG), &[], plants)?;
     let trials = made(&experiment)?;
     let sweep_dir = SweepDir::of(dir);
@@ -97,7 +94,7 @@ impl Status {
         };
         text += &format!(" with {} at a time", self.lanes);
         if let Some(seconds) = self.seconds_left {
-            let end = UNIX_EPOCH + Duration::from_secs_f64(now_s() + seconds);
+            let end = Duration::from_secs_f64(now_s() + seconds);
             text += &format!("; about {} left, until {}", span(seconds), rfc3339(end));
         }
         text

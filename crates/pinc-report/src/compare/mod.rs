@@ -10,7 +10,7 @@ use crate::html;
 use crate::number_tables::NumberTable;
 use crate::picture::{Drawn, drawn};
 use pinc_chart::text::{self, escape};
-use pinc_record::{ControlMetrics, Metrics, RecordError, file};
+use pinc_record::{ControlMetrics, Metrics, RunDir};
 use std::path::{Path, PathBuf};
 
 /// Runs side by side.
@@ -91,9 +91,7 @@ fn read(dirs: &[PathBuf]) -> Result<Vec<Compared>, ReportError> {
 }
 
 fn one(dir: &Path, name: String) -> Result<Compared, ReportError> {
-    if dir.is_dir() && !dir.join(file::CONFIG).exists() {
-        return Err(RecordError::NoRunDirectory { dir: dir.to_owned() }.into());
-    }
+    RunDir::expect(dir)?;
     let mut run = Run::read(dir)?;
     if run.experiment.sweep.is_some() {
         return Err(ReportError::ComparedSweep { dir: dir.to_owned() });

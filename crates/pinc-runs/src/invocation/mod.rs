@@ -1,14 +1,15 @@
 //! The invocation of the program that is running: when, with what and on what.
 
-use pinc_record::Invocation;
+use pinc_record::{Invocation, rfc3339};
 use std::path::{Component, Path};
 use std::time::{SystemTime, UNIX_EPOCH};
 
 /// The invocation that begins now, by the command line `arguments` (without the program's name).
 pub fn invocation(arguments: &[String]) -> Invocation {
     let command = std::iter::once("pinc".to_owned());
+    let now = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
     Invocation {
-        started: rfc3339(SystemTime::now()),
+        started: rfc3339(now),
         command: command.chain(arguments.iter().map(|a| without_places(a))).collect(),
         version: crate::VERSION.to_owned(),
         git_commit: option_env!("PINC_GIT_COMMIT").map(str::to_owned),
@@ -68,29 +69,6 @@ fn cpu_model() -> String {
         (key.trim() == "model name").then(|| value.trim().to_owned())
     });
     name.unwrap_or_else(|| std::env::consts::ARCH.to_owned())
-}
-
-/// A time as `2026-01-31T12:00:00Z`.
-pub fn rfc3339(time: SystemTime) -> String {
-    let seconds = time.duration_since(UNIX_EPOCH).map_or(0, |d| d.as_secs());
-    let (days, second) = (seconds / 86400, seconds % 86400);
-    let (year, month, day) = civil(days);
-    let (hour, minute, second) = (second / 3600, second / 60 % 60, second % 60);
-    format!("{year:04}-{month:02}-{day:02}T{hour:02}:{minute:02}:{second:02}Z")
-}
-
-/// Year, month and day of a number of days since 1970-01-01. In a year that begins in March the
-/// leap day is the last, and the months' lengths are (153 m + 2)/5 apart.
-fn civil(days: u64) -> (u64, u64, u64) {
-    let days = days + 719_468; // since 0000-03-01
-    let (era, day_of_era) = (days / 146_097, days % 146_097);
-    let year_of_era =
-        (day_of_era - day_of_era / 1460 + day_of_era / 36524 - day_of_era / 146_096) / 365;
-    let day_of_year = day_of_era - (365 * year_of_era + year_of_era / 4 - year_of_era / 100);
-    let month = (5 * day_of_year + 2) / 153;
-    let day = day_of_year - (153 * month + 2) / 5 + 1;
-    let (year, month) = (400 * era + year_of_era, if month < 10 { month + 3 } else { month - 9 });
-    (if month <= 2 { year + 1 } else { year }, month, day)
 }
 
 #[cfg(test)]

@@ -51,6 +51,7 @@ fn what_cannot_be_compared_is_refused_in_words() {
     fs::create_dir(&empty).unwrap();
     compare(&[&tank, &empty], &[]).assert_refused(&["empty", "no config.toml of a run"]);
     compare(&[&tank, &dir.path().join("none")], &[]).assert_refused(&["none: not a directory"]);
+    outcome(pinc(&["status"]).arg(dir.path().join("none"))).assert_refused(&["it does not exist"]);
     let alone = compare(&[&tank], &[]);
     assert_eq!(alone.code, Some(2), "{alone:?}");
 
