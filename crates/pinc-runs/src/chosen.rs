@@ -78,16 +78,12 @@ impl<'e> Chosen<'e> {
         let first = spec.models.first().copied().unwrap_or(ModelKind::RK4);
         let kind = only.unwrap_or(if model.is_some() { ModelKind::Pinc } else { first });
         if !spec.models.contains(&kind) {
-            return Err(RunError::missing_model(name, kind, &spec.models));
+            let option = only.map_or("--model", |_| "--only");
+            return Err(RunError::missing_model(experiment, option, kind));
         }
         let own = spec.model_of(kind);
         if model.is_some() && own != ModelKind::Pinc {
-            let problem = format!(
-                "a model file is given beside `only` = \"{}\", which uses no net; leave one of \
-                 them out",
-                kind.name()
-            );
-            return Err(RunError::usage(format!("`{command}`"), problem));
+            return Err(RunError::unused_net(command, &[kind]));
         }
         let given = match (own, model) {
             (ModelKind::Pinc, None) => return Err(RunError::no_model_file(name, command)),

@@ -124,12 +124,20 @@ impl RunError {
         Self::usage(experiment.source(), format!("`{}`: {problem}", problem.key))
     }
 
-    /// The closed loop of the config `name` lacks the requested model.
+    /// The closed loop of the config lacks the `model` that `option` asks for.
     #[must_use]
-    pub fn missing_model(name: &str, model: ModelKind, models: &[ModelKind]) -> Self {
-        let known = models.iter().map(|kind| kind.name()).collect::<Vec<_>>().join(", ");
-        let model = model.name();
-        Self::usage(name, format!("control.models does not contain `{model}`, it has {known}"))
+    pub fn missing_model(config: &Experiment, option: &str, model: ModelKind) -> Self {
+        let models = config.control.iter().flat_map(|control| &control.models);
+        let known = models.map(|kind| kind.name()).collect::<Vec<_>>().join(", ");
+        let problem = format!("control.models does not contain `{}`, it has {known}", model.name());
+        Self::usage(format!("{option}: {}", config.source()), problem)
+    }
+
+    /// A net is given beside models that use none.
+    pub(crate) fn unused_net(command: &str, models: &[ModelKind]) -> Self {
+        let models = models.iter().map(|kind| kind.name()).collect::<Vec<_>>().join("\", \"");
+        let problem = format!("a model file is given, but no model is a net: \"{models}\"");
+        Self::usage(format!("`{command}`"), problem + "; leave one of them out")
     }
 
     /// The net is to be the model, and no file has it.

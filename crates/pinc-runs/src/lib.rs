@@ -265,7 +265,6 @@ struct Plan {
 
 impl Plan {
     fn of(experiment: &Experiment, command: Command) -> Result<Self, RunError> {
-        let name = &experiment.name;
         let missing = |section, command| RunError::missing_section(experiment, section, command);
         let configured = experiment.control.as_ref().map(|c| c.models.clone());
         let mut plan = Self { trains: false, runs_free: false, loops: Vec::new(), given: None };
@@ -291,9 +290,12 @@ impl Plan {
                 plan.loops = configured.ok_or_else(|| missing("control", "pinc control"))?;
                 if let Some(only) = only {
                     if !plan.loops.contains(&only) {
-                        return Err(RunError::missing_model(name, only, &plan.loops));
+                        return Err(RunError::missing_model(experiment, "--only", only));
                     }
                     plan.loops = vec![only];
+                }
+                if model.is_some() && !plan.loops.iter().any(is_net) {
+                    return Err(RunError::unused_net("pinc control", &plan.loops));
                 }
                 plan.given =
                     model.map(|path| read_matching_model(experiment, &path)).transpose()?;

@@ -105,7 +105,7 @@ fn base(experiment: &Experiment, only: Option<ModelKind>) -> Result<Experiment, 
     let control = control.expect("the section [tune] was checked for it");
     let first = control.models.first().copied();
     if let Some(only) = only.filter(|only| !control.models.contains(only)) {
-        return Err(RunError::missing_model(&experiment.name, only, &control.models));
+        return Err(RunError::missing_model(experiment, "--only", only));
     }
     control.models = only.or(first).into_iter().collect();
     if control.models == [ModelKind::Policy] {

@@ -48,8 +48,9 @@ impl Subject {
         let given = match (kind, model) {
             (ModelKind::Pinc, None) => return Err(RunError::no_model_file(name, "certify")),
             (ModelKind::Pinc, Some(path)) => Some(read_matching_model(experiment, path)?),
-            (ModelKind::Integrator(method), _) if method.tableau().is_some() => None,
-            (ModelKind::Integrator(_) | ModelKind::BlackBox | ModelKind::Policy, _) => {
+            (_, Some(_)) => return Err(RunError::unused_net("pinc certify", &[kind])),
+            (ModelKind::Integrator(method), None) if method.tableau().is_some() => None,
+            (ModelKind::Integrator(_) | ModelKind::BlackBox | ModelKind::Policy, None) => {
                 let problem = format!(
                     "certify: the model `{}` is not enclosed; expected `pinc`, `rk4` or `rk5`",
                     kind.name()

@@ -160,6 +160,9 @@ fn models_of_another_plant_or_step_are_refused() {
     let set = "model.horizon_s=0.25";
     outcome(command.arg(model).args(["--set", set, "--out"]).arg(dir.path()))
         .assert_refused(&["step length T of the model: 0.5 s; of the config: 0.25 s"]);
+    let mut command = pinc(&["control".as_ref(), config.as_os_str(), "--model".as_ref()]);
+    outcome(command.arg(model).args(["--only", "rk4", "--out"]).arg(dir.path()))
+        .assert_refused(&["`pinc control`", "no model is a net: \"rk4\""]);
 }
 
 #[test]

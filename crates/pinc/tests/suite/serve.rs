@@ -92,7 +92,7 @@ fn what_cannot_be_served_is_refused() {
     refused(&[], "--model FILE");
     refused(&["--only", "rosenbrock"], "control.models");
     refused(&["--model", "none.safetensors"], "none.safetensors");
-    refused(&["--model", "none.safetensors", "--only", "rk4"], "\"rk4\", which uses no net");
+    refused(&["--model", "none.safetensors", "--only", "rk4"], "no model is a net: \"rk4\"");
 }
 
 /// The example client closes the loop with its own simulator, where there is a Python to run it.
