@@ -1,10 +1,10 @@
 //! The values of command line arguments, and the arguments that several commands share.
 
-use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
+use clap::builder::{PossibleValue, PossibleValuesParser, RangedI64ValueParser, TypedValueParser};
 use pinc_bench::{OnSlurm, Shard, Timed};
 use pinc_config::{ModelKind, OutsidePolicy};
 use pinc_export::FmiVersion;
-use pinc_runs::{Certify, Target};
+use pinc_runs::{Certify, RunError, Target};
 use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
 
@@ -49,7 +49,7 @@ pub(crate) struct CertifyArgs {
     #[arg(long, value_parser = model_kind())]
     only: Option<ModelKind>,
     /// Number of random points of the domain to judge; by default 1000, or 0 with other points.
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", value_parser = count(0))]
     points: Option<usize>,
     /// Judge the rows of a CSV file too: columns for states and inputs.
     #[arg(long, value_name = "FILE")]
@@ -112,6 +112,15 @@ pub(crate) struct SetArgs {
 }
 
 impl SetArgs {
+    /// Returns an error if there are overrides, where there is no config.
+    pub(crate) fn without_config(&self) -> Result<(), RunError> {
+        let option = if self.set.is_empty() { "--unset" } else { "--set" };
+        match self.overrides().is_empty() {
+            true => Ok(()),
+            false => Err(RunError::usage(option, "changes a config, and none is given")),
+        }
+    }
+
     /// The overrides, as [`pinc_config::Experiment::load`] takes them.
     pub(crate) fn overrides(&self) -> Vec<String> {
         let unset = self.unset.iter().map(|key| format!("--unset {key}"));
@@ -130,7 +139,7 @@ pub(crate) enum On {
 #[derive(Debug, clap::Args)]
 pub(crate) struct SweepArgs {
     /// Run only a share of a sweep: 3/8 is the third of eight.
-    #[arg(long, value_name = "K/N", value_parser = shard)]
+    #[arg(long, value_name = "K/N", value_parser = shard, allow_hyphen_values = true)]
     shard: Option<Shard>,
     /// Share a sweep with other processes that work in the same run directory.
     #[arg(long)]
@@ -196,14 +205,20 @@ pub(crate) enum To {
 }
 
 impl To {
-    pub(crate) fn target(self, double: bool, fmi3: bool) -> Target {
-        match self {
-            Self::C => Target::C,
-            Self::Casadi => Target::Casadi,
-            Self::Fmu if fmi3 => Target::Fmu(FmiVersion::Three),
-            Self::Fmu => Target::Fmu(FmiVersion::Two),
-            Self::Onnx if double => Target::OnnxDouble,
-            Self::Onnx => Target::Onnx,
+    /// The target with `--double` and `--fmi3`, each of which belongs to one format.
+    pub(crate) fn target(self, double: bool, fmi3: bool) -> Result<Target, RunError> {
+        let expected = |option: &str, format: &str| {
+            Err(RunError::usage(option, format!("expected with `--to {format}` only")))
+        };
+        match (self, double, fmi3) {
+            (Self::C, false, false) => Ok(Target::C),
+            (Self::Casadi, false, false) => Ok(Target::Casadi),
+            (Self::Fmu, false, false) => Ok(Target::Fmu(FmiVersion::Two)),
+            (Self::Fmu, false, true) => Ok(Target::Fmu(FmiVersion::Three)),
+            (Self::Onnx, false, false) => Ok(Target::Onnx),
+            (Self::Onnx, true, false) => Ok(Target::OnnxDouble),
+            (Self::C | Self::Casadi | Self::Fmu, true, _) => expected("--double", "onnx"),
+            (Self::C | Self::Casadi | Self::Onnx, _, true) => expected("--fmi3", "fmu"),
         }
     }
 }
@@ -219,6 +234,11 @@ pub(crate) fn share(text: &str) -> Result<f64, String> {
     share
         .filter(is_share)
         .ok_or_else(|| "expected a share above 0, up to 1, as 1% or 0.01".to_owned())
+}
+
+/// A whole number from `least` on.
+pub(crate) fn count(least: i64) -> RangedI64ValueParser<usize> {
+    RangedI64ValueParser::new().range(least..)
 }
 
 /// A number of seconds.

@@ -15,7 +15,7 @@ pub(crate) struct ChooseArgs {
     /// Config file (TOML).
     config: PathBuf,
     /// How far a good loop's IAE may exceed the most exact model's, as 1% or 0.01.
-    #[arg(long, value_name = "SHARE", default_value = "1%", value_parser = share)]
+    #[arg(long, value_name = "SHARE", default_value = "1%", value_parser = share, allow_hyphen_values = true)]
     within: f64,
     /// Time limit, in s.
     #[arg(long, value_name = "SECONDS", default_value_t = 120.0, value_parser = seconds)]

@@ -8,7 +8,7 @@ use crate::served::Served;
 use crate::shrunk::ShrinkArgs;
 use crate::summary::summary;
 use crate::tuned::TuneArgs;
-use clap::{Parser, Subcommand};
+use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
 use pinc_bench::{BenchOptions, OnSlurm, Shard};
 use pinc_config::{Experiment, ModelKind, Plants, RunList};
 use pinc_record::RunDir;
@@ -261,10 +261,20 @@ enum Command {
     },
 }
 
+/// The command line, where `-1` after an option is its value, for the option to judge.
+fn command() -> clap::Command {
+    let numbers = |arg: clap::Arg| {
+        let takes_values = arg.get_action().takes_values();
+        arg.allow_negative_numbers(takes_values)
+    };
+    Cli::command().mut_subcommands(|command| command.mut_args(numbers))
+}
+
 /// The whole program `pinc`, with `plants` besides the built-in ones.
 #[must_use]
 pub fn program(plants: &Plants) -> ExitCode {
-    let cli = match Cli::try_parse() {
+    let matches = command().try_get_matches();
+    let cli = match matches.and_then(|of| Cli::from_arg_matches(&of)) {
         Ok(cli) => cli,
         Err(error) => return usage(&error),
     };
@@ -324,7 +334,7 @@ fn execute(cli: &Cli, plants: &Plants) -> Result<ExitCode, RunError> {
             errors,
             set,
         } => {
-            let (to, name, out) = (to.target(*double, *fmi3), name.as_deref(), out.as_deref());
+            let (to, name, out) = (to.target(*double, *fmi3)?, name.as_deref(), out.as_deref());
             let model = model.as_deref();
             let dir = match (config, model) {
                 (Some(config), _) => {
@@ -338,6 +348,7 @@ fn execute(cli: &Cli, plants: &Plants) -> Result<ExitCode, RunError> {
                     pinc_runs::export_controller(&experiment, model, *only, to, name, out)?
                 }
                 (None, Some(model)) => {
+                    set.without_config()?;
                     let judged = judged(*errors, model, None, plants)?;
                     pinc_runs::export_net(model, to, name, out, judged.as_ref())?
                 }
@@ -431,6 +442,10 @@ fn run_all(
             let problem = "two of the configs have this run directory; expected each once";
             return Err(RunError::usage(dir.display(), problem));
         }
+    }
+    if sweep.fresh && all.iter().all(|(experiment, _)| experiment.sweep.is_none()) {
+        let problem = "discards the results of a sweep, and the config has no section [sweep]";
+        return Err(RunError::usage("--fresh", problem));
     }
     if let Some(slurm) = &sweep.on_slurm() {
         return all.iter().try_for_each(|(experiment, dir)| {

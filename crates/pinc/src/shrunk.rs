@@ -3,7 +3,7 @@
 use crate::choices::{SetArgs, model_kind};
 use crate::options::{arguments, verbosity};
 use crate::printed::show;
-use clap::builder::RangedU64ValueParser;
+use clap::builder::RangedI64ValueParser;
 use pinc_bench::ShrinkOptions;
 use pinc_config::{Experiment, ModelKind, Plants};
 use pinc_runs::{Options, RunError, console};
@@ -11,7 +11,7 @@ use std::path::{Path, PathBuf};
 use std::sync::atomic::AtomicBool;
 
 /// The most plans, iterations and loops.
-const MOST: u64 = 4_294_967_295;
+const MOST: i64 = 4_294_967_295;
 
 #[derive(Debug, clap::Args)]
 pub(crate) struct ShrinkArgs {
@@ -66,6 +66,6 @@ impl ShrinkArgs {
 }
 
 /// A number within these limits.
-fn count(low: u64, high: u64) -> RangedU64ValueParser<usize> {
-    RangedU64ValueParser::new().range(low..=high)
+fn count(low: i64, high: i64) -> RangedI64ValueParser<usize> {
+    RangedI64ValueParser::new().range(low..=high)
 }

@@ -48,5 +48,6 @@ pub(super) fn read_points(path: &Path, variables: &[String]) -> Result<Vec<Vec<f
         let point = places.iter().zip(variables).map(number).collect::<Result<_, _>>();
         points.push(point.map_err(|problem| at((line, problem)))?);
     }
-    Ok(points)
+    let none = || at((1, "a header without rows, expected a row for each point".to_owned()));
+    (!points.is_empty()).then_some(points).ok_or_else(none)
 }

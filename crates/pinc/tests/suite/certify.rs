@@ -156,4 +156,13 @@ fn what_cannot_be_certified_is_refused_by_name() {
     let data = data.display().to_string();
     let more = ["--only", "rk4", "--data", &data];
     refused(oscillator, &more, &["in.csv:1", "`x2` is missing"]);
+    fs::write(&data, "x1,x2,u\n").unwrap();
+    refused(oscillator, &more, &["in.csv:1", "a header without rows"]);
+    let net = ["--only", "rk4", "--model", "none.safetensors"];
+    refused(oscillator, &net, &["`pinc certify`", "no model is a net: \"rk4\""]);
+    refused(
+        oscillator,
+        &["--only", "rk4", "--points", "-1"],
+        &["'--points <N>'", "-1 is not in 0.."],
+    );
 }

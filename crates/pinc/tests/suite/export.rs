@@ -242,12 +242,22 @@ fn what_cannot_be_exported_is_refused() {
     refused(&[&oscillator, "--only", "rk4", "--set", method], &["QP method", "condensed"]);
     let real_time = "control.sqp.real_time=true";
     refused(&[&oscillator, "--only", "rk4", "--set", real_time], &["real-time"]);
-    refused(&[&oscillator, "--only", "rk5"], &["control.models does not contain `rk5`, it has"]);
+    let missing = ["--only: ", "control.toml: control.models does not contain `rk5`, it has"];
+    refused(&[&oscillator, "--only", "rk5"], &missing);
     refused(&[&oscillator], &["--model FILE"]);
     refused(&[&oscillator, "--only", "rk4", "--name", "2nd"], &["`2nd`", "a letter"]);
     let training = config("configs/van-der-pol/training.toml");
     refused(&[&training, "--only", "rk4"], &["[control]", "pinc export"]);
-    refused(&["--model", "none.safetensors"], &["none.safetensors", "cannot be read"]);
+    let net = ["--model", "none.safetensors"];
+    refused(&net, &["none.safetensors", "cannot be read"]);
+    for (more, parts) in [
+        (&["--double"][..], ["--double", "`--to onnx`"]),
+        (&["--fmi3"], ["--fmi3", "`--to fmu`"]),
+        (&["--set", "no.such.key=1"], ["--set", "a config"]),
+        (&["--unset", "control.n2"], ["--unset", "a config"]),
+    ] {
+        refused(&[&net[..], more].concat(), &parts);
+    }
 }
 
 /// Every target writes its files; FMUs are archives with sources and, where this machine can make

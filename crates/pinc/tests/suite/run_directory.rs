@@ -123,7 +123,15 @@ fn one_model_or_both() {
         assert!(outcome.stdout.lines().any(|l| l.trim_start().starts_with(model)), "{outcome:?}");
     }
 
-    control(dir.path(), &["--only", "pinc"]).assert_refused(&["control.models", "`pinc`"]);
+    control(dir.path(), &["--only", "pinc"]).assert_refused(&[
+        "--only",
+        "control.models",
+        "`pinc`",
+    ]);
+    let config = repository("configs/smoke/rk4-only.toml");
+    let mut command = pinc(&["run".as_ref(), config.as_os_str(), "--fresh".as_ref()]);
+    crate::common::outcome(command.arg("--out").arg(dir.path()))
+        .assert_refused(&["--fresh", "[sweep]"]);
 }
 
 #[test]
