@@ -62,7 +62,7 @@ impl<'n> Guard<'n> {
                 return Err(RunError::Failed(format!(
                     "the net would be used outside its training domain: {name} is {} \
                      beyond {low} to {high}; train on a larger [domain], or continue with \
-                     outside_domain = \"report\"",
+                     outside_domain = \"report\" (`pinc predict`: --outside-domain report)",
                     significant(excess)
                 )));
             }

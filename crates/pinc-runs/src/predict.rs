@@ -92,7 +92,8 @@ fn run(
             )));
         }
         let (u, p) = row.inputs.split_at(net.input_names().len());
-        guard.look(state, u, p)?;
+        let outside = |error| RunError::Failed(format!("{}:{line}: {error}", path.display()));
+        guard.look(state, u, p).map_err(outside)?;
         table
             .push(columns.write(&cells, state).into_iter().chain(error.iter().map(|e| number(*e))));
     }

@@ -144,6 +144,8 @@ fn a_net_asked_outside_its_domain_says_so_or_refuses() {
     fs::remove_file(&output).unwrap();
     let refused = predict(&["--outside-domain", "refuse"]);
     assert_eq!(refused.code, Some(1), "{refused:?}");
-    assert!(refused.stderr.contains("outside its training domain"), "{refused:?}");
+    for part in ["in.csv:2: the net", "outside its training domain", "--outside-domain report"] {
+        assert!(refused.stderr.contains(part), "no {part} in {refused:?}");
+    }
     assert!(!output.exists());
 }
