@@ -2,7 +2,7 @@
 
 use crate::candidate::Candidate;
 use pinc_config::{ControlSpec, OnError};
-use pinc_record::Metrics;
+use pinc_record::{Metrics, decimals};
 
 /// Loops within this factor of the cheapest control step cost the same, for all that a measurement
 /// of times says.
@@ -171,7 +171,7 @@ impl Standard {
         }
         if score.iae > (1.0 + self.within) * self.iae {
             let more = 100.0 * (score.iae / self.iae - 1.0);
-            return Some(format!("IAE {more:.2} % more"));
+            return Some(format!("IAE {} % more", decimals(more, 2)));
         }
         let violated = score.violation - self.violation;
         (violated > self.room)
@@ -356,6 +356,10 @@ pub(crate) mod tests {
         };
         assert_eq!(with(&|_| ()), "");
         assert_eq!(with(&|score| score.iae = 103.0), "IAE 3.00 % more");
+        // Of a tolerance of a thousandth of a percent, say.
+        let small = Standard { within: 1e-5, ..standard.clone() };
+        let nearly = Score { iae: 100.00497, ..score.clone() };
+        assert_eq!(small.shortfall(&nearly).unwrap(), "IAE 4.97e-3 % more");
         assert_eq!(with(&|score| score.iae = f64::NAN), "its loop leaves the finite numbers");
         assert_eq!(with(&|score| score.failed = 0.2), "20 % of its steps fail");
         assert_eq!(

@@ -206,25 +206,12 @@ impl Search<'_> {
 
     /// Nets from the first guess to the smallest that is good, of each source.
     fn nets<L: Loops>(&self, found: &mut SearchResult, loops: &mut L) -> Result<(), L::Error> {
-        let Some(standard) = self.standard(&found.tried) else { return Ok(()) };
-        let planned = found.tried.len();
-        let outcome = self.nets_by(&standard, found, loops);
-        self.note_time(found, planned);
-        outcome
-    }
-
-    /// The search over nets against a given standard.
-    fn nets_by<L: Loops>(
-        &self,
-        standard: &Standard,
-        found: &mut SearchResult,
-        loops: &mut L,
-    ) -> Result<(), L::Error> {
+        let Some(standard) = &self.standard(&found.tried) else { return Ok(()) };
         let cheapest = standard.ranking(&found.tried).first().map(|(_, score)| score.p50_us);
         let hopeless = cheapest.map_or(f64::INFINITY, |cheapest| HOPELESS * cheapest);
         let shapes = shapes(self.states);
         let mut start = FIRST_NET;
-        for &source in self.sources {
+        for (i, &source) in self.sources.iter().enumerate() {
             let places = |found: &SearchResult| places(shapes, &found.tried, standard, source);
             while let Some(place) = ladder::size(start, shapes.len(), &places(found)) {
                 if place > 0
@@ -240,6 +227,7 @@ impl Search<'_> {
                     break;
                 }
                 if !try_net(found, loops, standard, (shapes[place], source))? {
+                    self.note_time(found, &self.sources[i..]);
                     return Ok(());
                 }
             }
@@ -265,13 +253,9 @@ impl Search<'_> {
         (stands && score.p50_us > hopeless).then_some(score.p50_us)
     }
 
-    /// Notes the sizes of nets for which there was no time.
-    fn note_time(&self, found: &mut SearchResult, planned: usize) {
-        if !found.is_out_of_time {
-            return;
-        }
+    /// Notes the sizes of nets of `sources` for which there was no time.
+    fn note_time(&self, found: &mut SearchResult, sources: &[TrainingTarget]) {
         let shapes = shapes(self.states);
-        let nets = &found.tried[planned..];
         let is_missing = |source: TrainingTarget| {
             let tried = |shape: Shape| {
                 let alike = |of: &Tried| match of.candidate {
@@ -280,12 +264,12 @@ impl Search<'_> {
                     }
                     Candidate::Integrator { .. } | Candidate::BlackBox => false,
                 };
-                nets.iter().any(alike)
+                found.tried.iter().any(alike)
             };
             let missing: Vec<Shape> = shapes.iter().copied().filter(|of| !tried(*of)).collect();
             (!missing.is_empty()).then(|| names(&missing, source))
         };
-        let missing: Vec<String> = self.sources.iter().filter_map(|of| is_missing(*of)).collect();
+        let missing: Vec<String> = sources.iter().filter_map(|of| is_missing(*of)).collect();
         if !missing.is_empty() {
             found.untried.push(format!("{}: the time was up", missing.join(", ")));
         }

@@ -202,6 +202,18 @@ fn what_is_not_tried_is_reported_with_the_reason() {
     assert!(found.untried.iter().any(|of| of.ends_with("the time was up")), "{:?}", found.untried);
 }
 
+/// The sizes of a source that was searched to its end have a reason of their own.
+#[test]
+fn no_model_is_said_twice_not_to_have_been_tried() {
+    // Seven loops of integrators, and a good net in the eighth.
+    let (asked, found) = order(8, |_| Some((100.0, 2.0)));
+    let said = found.untried.join("; ");
+    assert!(asked.contains(&"distilled 2x8".to_owned()) && found.is_out_of_time, "{asked:?}");
+    for name in ["distilled 2x24", "PINC 2x16"] {
+        assert_eq!(said.matches(name).count(), 1, "{name}: {said}");
+    }
+}
+
 #[test]
 fn a_net_that_is_nearly_good_is_trained_longer() {
     let (asked, _) = order(99, |candidate| match candidate {
