@@ -2,7 +2,7 @@
 
 use crate::{Finding, LISTED, Subject, short};
 use pinc_analysis::OperatingPoint;
-use pinc_config::LoopParameters;
+use pinc_config::{LoopParameters, TimeUnit};
 use pinc_ode::Variable;
 
 /// Random points of the region.
@@ -31,7 +31,10 @@ pub(crate) fn examine(subject: &Subject<'_>) -> Vec<Finding> {
         }
     }
     let states = subject.plant.states().iter().zip(&fastest);
-    let rate = |(v, f): (&Variable, &f64)| format!("|{}'| <= {}", v.name, short(*f));
+    let unit = subject.experiment.time_unit.unwrap_or(TimeUnit::S);
+    let rate = |(v, f): (&Variable, &f64)| {
+        format!("|{}'| <= {} per {}", v.name, short(*f * unit.seconds()), unit.name())
+    };
     let rates: Vec<_> = match fastest.len() {
         0..=LISTED => states.map(rate).collect(),
         _ => states.max_by(|a, b| a.1.total_cmp(b.1)).map(rate).into_iter().collect(),

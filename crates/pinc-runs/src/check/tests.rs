@@ -551,6 +551,7 @@ fn rates_in_another_unit_of_time_are_asked_about() {
     );
     let found = findings(Test::Hourly, &["time_unit=\"h\""]);
     assert_found(&found, Warning, "plant", "are the equation's rates per h instead of per second?");
+    assert_found(&found, Fact, "", " per h");
     let asks = |f: &Finding| f.what.contains("instead of per second");
     // One fast state is stiffness.
     assert!(!findings(Test::Stiff, &[]).iter().any(asks));
