@@ -77,8 +77,7 @@ fn header(run: &Run) -> String {
 
 /// What is missing: the rest of an unfinished run, or files.
 fn notes(run: &Run) -> Vec<String> {
-    let unfinished = "The training is not finished, and what follows it is missing: continue with \
-                      --resume.";
+    let unfinished = "The training is not finished: continue with --resume.";
     let mut notes = Vec::from_iter(run.is_unfinished.then(|| unfinished.to_owned()));
     notes.extend(match run.trials {
         // What was only identified has no loops.
@@ -125,7 +124,8 @@ fn missing_tables(run: &Run) -> Vec<String> {
             rows(&run.steps, |steps| steps.count),
         ),
     ];
-    let mut notes = Vec::new();
+    let no_loop = experiment.control.is_some() && !looped;
+    let mut notes = Vec::from_iter(no_loop.then(|| "The closed loop has not run.".to_owned()));
     for (file, content, wanted, rows) in files {
         match rows {
             None if wanted => notes.push(format!("There is no {file}: the {content} is left out.")),

@@ -429,8 +429,13 @@ fn missing_files_leave_their_sections_out() {
 fn an_unfinished_run_says_so() {
     let dir = whole();
     write(&dir, "checkpoint.bin", "");
+    let mut metrics: serde_json::Value = serde_json::from_str(METRICS).unwrap();
+    metrics.as_object_mut().unwrap().remove("control").unwrap();
+    write(&dir, "metrics.json", &metrics.to_string());
     let html = build(dir.path()).unwrap();
-    assert!(html.contains("The training is not finished"), "no note");
+    for said in ["The training is not finished", "The closed loop has not run."] {
+        assert!(html.contains(said), "no note: {said}");
+    }
 }
 
 /// Each of these commands leaves a table or a report of its own, and a config.
