@@ -8,7 +8,6 @@
 //! For a plant with the states `T[20]` and `E`, a list of states is `[300.0, 0.0]`, with the first
 //! number for all elements of `T`, or `[[300.0, 301.0, ..], 0.0]`, or a list of 21 numbers.
 
-use crate::finite::may_be_infinite;
 use crate::plant::PlantSpec;
 use crate::plants::Plants;
 use crate::registry::names;
@@ -55,6 +54,18 @@ impl AsWritten {
         }
     }
 }
+
+/// The bounds that may be infinite, which is no bound.
+pub(crate) const BOUNDS: [&str; 8] = [
+    "control.state_low",
+    "control.state_high",
+    "control.output_low",
+    "control.output_high",
+    "control.increment_low",
+    "control.increment_high",
+    "control.estimator.low",
+    "control.estimator.high",
+];
 
 /// What there is one number of per variable.
 const PER_STATE: [&str; 19] = [
@@ -221,7 +232,7 @@ impl Entries {
 fn default_of(key: &str) -> Option<f64> {
     match key {
         "control.q" | "control.q_terminal" | "control.r" => Some(0.0),
-        _ if may_be_infinite(key) => {
+        _ if BOUNDS.contains(&key) => {
             Some(if key.ends_with("low") { f64::NEG_INFINITY } else { f64::INFINITY })
         }
         _ => None,

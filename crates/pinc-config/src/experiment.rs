@@ -13,12 +13,12 @@ use crate::presets::Preset;
 use crate::sweep::SweepSpec;
 use crate::training::{Effort, TrainingSpec};
 use crate::tune::TuneSpec;
-use crate::{finite, identified, net_weights, presets, sampled};
+use crate::{identified, net_weights, presets, sampled};
 use pinc_expr::TimeUnit;
 use pinc_mpc::Scenarios;
 use pinc_net::{Domain, NetConfig, ValidationConfig};
 use pinc_ode::Dims;
-use pinc_toml::{ConfigError, Layers, Problem, assign, differences_of};
+use pinc_toml::{ConfigError, Layers, Problem, assign, differences_of, first_not_finite};
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 use std::path::Path;
@@ -144,7 +144,7 @@ impl Experiment {
         let dir = path.parent().unwrap_or(Path::new(""));
         let weights = net_weights::read(&mut layers.table, dir);
         weights.map_err(|(key, problem)| layers.error(key, problem))?;
-        if let Some((key, value)) = finite::first_not_finite(&layers.table) {
+        if let Some((key, value)) = first_not_finite(&layers.table, &arrays::BOUNDS) {
             return Err(layers.error(key, Problem::NotFinite(value)));
         }
         let experiment = Self::from_table(std::mem::take(&mut layers.table), plants);

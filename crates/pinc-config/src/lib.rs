@@ -16,7 +16,6 @@ mod cost;
 mod data;
 mod estimator;
 mod experiment;
-mod finite;
 mod free_time;
 mod identified;
 mod identify;

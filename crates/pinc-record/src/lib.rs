@@ -18,6 +18,7 @@
 
 mod certificate;
 mod checkpoint;
+pub mod columns;
 mod consistency;
 mod csv;
 mod domain_error;

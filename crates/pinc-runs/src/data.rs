@@ -1,10 +1,10 @@
 //! The files of `[data]`: measured trajectories, or measured steps.
 
-use super::columns::{At, Row, finite, not_later, optional, places, rows};
 use crate::RunError;
 use csv::StringRecord;
 use pinc_config::Variables;
 use pinc_net::{Measurements, Recorded};
+use pinc_record::columns::{At, Row, finite, not_later, optional, places, rows};
 use pinc_record::read_file;
 use sha2::{Digest, Sha256};
 use std::path::PathBuf;

@@ -1,13 +1,13 @@
 //! `pinc estimate`: the estimator of a config over recorded data, from CSV to CSV.
 
 use super::chosen::ModelFile;
-use super::columns::{At, rows, too_few_rows};
 use super::control::LoopSetup;
 use super::feedback;
 use super::recorded::Columns;
 use crate::RunError;
 use pinc_config::{Experiment, LoopParameters, ModelKind, Variables};
 use pinc_estimate::{Estimator, History};
+use pinc_record::columns::{At, rows, too_few_rows};
 use pinc_record::{EstimatorMetrics, decimals, read_file, write_output};
 use std::fmt;
 use std::path::Path;

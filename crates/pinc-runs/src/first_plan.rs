@@ -1,10 +1,10 @@
 //! The first plan of a loop, where the config gives one.
 
-use super::columns::{At, rows};
 use super::recorded::Columns;
 use crate::RunError;
 use pinc_config::{ControlSpec, Variables};
 use pinc_ode::PiecewiseConstant;
+use pinc_record::columns::{At, rows};
 use pinc_record::read_file;
 
 /// The inputs of the first plan, `[Nu, m]`, if the config gives them.

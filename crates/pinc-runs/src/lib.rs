@@ -20,7 +20,6 @@ mod chained_error;
 mod check;
 mod chosen;
 pub mod clock;
-mod columns;
 pub mod console;
 mod control;
 mod data;

@@ -2,12 +2,12 @@
 
 use super::chain::Chain;
 use super::chained_error::ChainedError;
-use super::columns::{finite, not_finite, not_later, optional, places, rows, too_far};
 use super::guard::Guard;
 use crate::RunError;
 use csv::StringRecord;
 use pinc_config::{Experiment, OutsidePolicy};
 use pinc_net::{PincNet, TrainingTarget};
+use pinc_record::columns::{finite, not_finite, not_later, optional, places, rows, too_far};
 use pinc_record::{CsvText, OutsideDomain, is_same_file, number, read_file, write_output};
 use std::borrow::Cow;
 use std::collections::HashMap;

@@ -1,8 +1,8 @@
 //! Recorded data: the columns `t`, the inputs, and `y_` with the name of what is measured.
 
-use super::columns::{finite, optional, place};
 use csv::StringRecord;
 use pinc_config::Variables;
+use pinc_record::columns::{finite, optional, place};
 
 /// Where in a row the columns are, with their names.
 pub(super) struct Columns {

@@ -8,6 +8,7 @@
 #![forbid(unsafe_code)]
 
 mod explain;
+mod finite;
 mod layers;
 mod lines;
 mod overrides;
@@ -15,6 +16,7 @@ mod preset;
 mod problem;
 
 pub use explain::explain;
+pub use finite::first_not_finite;
 pub use layers::{Layers, assign, differences_of};
 pub use preset::Presets;
 pub use problem::{ConfigError, Origin, Problem, SetProblem, nearest};

@@ -1,7 +1,7 @@
 //! The points that are judged: drawn at random, or rows of a file.
 
 use crate::RunError;
-use crate::columns::{finite, place, rows};
+use pinc_record::columns::{finite, place, rows};
 use pinc_record::read_file;
 use rand::rngs::ChaCha8Rng;
 use rand::{RngExt, SeedableRng};

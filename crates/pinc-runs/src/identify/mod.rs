@@ -1,6 +1,5 @@
 //! `pinc identify`: parameters and initial states from recorded data.
 
-use super::columns::{not_later, rows, too_far, too_few_rows};
 use super::recorded::{Columns, DataRow};
 use super::{Options, rebuild_report};
 use crate::RunError;
@@ -17,6 +16,7 @@ use pinc_identify::{
 };
 use pinc_net::{PincModel, PincNet};
 use pinc_ode::{DynPlant, Model, WithOutputs};
+use pinc_record::columns::{not_later, rows, too_far, too_few_rows};
 use pinc_record::{
     CorrelationMetrics, EstimateMetrics, HeldOutMetrics, IdentificationMetrics,
     InitialStateMetrics, InputCorrelationMetrics, MinimumMetrics, ParameterMetrics, Provenance,

@@ -1,10 +1,14 @@
 //! CSV files that users give: their columns by name, their cells as numbers.
 
-use csv::StringRecord;
-pub(super) use pinc_config::{CsvProblem as At, CsvRow as Row, csv_rows as rows};
+use ::csv::StringRecord;
+pub use pinc_config::{CsvProblem as At, CsvRow as Row, csv_rows as rows};
 
 /// Where each of `names` stands in a header, which has to have these and no others.
-pub(super) fn places(header: &StringRecord, names: &[String]) -> Result<Vec<usize>, String> {
+///
+/// # Errors
+///
+/// The column that is missing or unexpected.
+pub fn places(header: &StringRecord, names: &[String]) -> Result<Vec<usize>, String> {
     if let Some(column) = header.iter().find(|column| names.iter().all(|name| name != column)) {
         return Err(format!("column `{column}` is unexpected; expected {}", names.join(",")));
     }
@@ -12,11 +16,11 @@ pub(super) fn places(header: &StringRecord, names: &[String]) -> Result<Vec<usiz
 }
 
 /// Where the column `name` stands in a header, which has to have all of `expected`.
-pub(super) fn place(
-    header: &StringRecord,
-    name: &str,
-    expected: &[String],
-) -> Result<usize, String> {
+///
+/// # Errors
+///
+/// The column, if it is missing.
+pub fn place(header: &StringRecord, name: &str, expected: &[String]) -> Result<usize, String> {
     header
         .iter()
         .position(|column| column == name)
@@ -27,7 +31,11 @@ pub(super) fn place(
 const LARGEST: f64 = 1e100;
 
 /// The number in a cell.
-pub(super) fn finite(cell: &str, column: &str) -> Result<f64, String> {
+///
+/// # Errors
+///
+/// What is there instead.
+pub fn finite(cell: &str, column: &str) -> Result<f64, String> {
     match cell.parse::<f64>() {
         Ok(value) if value.abs() <= LARGEST => Ok(value),
         _ => Err(not_finite(cell, column)),
@@ -35,26 +43,34 @@ pub(super) fn finite(cell: &str, column: &str) -> Result<f64, String> {
 }
 
 /// A cell that is no finite number, or too large a one.
-pub(super) fn not_finite(cell: &str, column: &str) -> String {
+#[must_use]
+pub fn not_finite(cell: &str, column: &str) -> String {
     format!("column `{column}`: `{cell}` given, expected a finite number up to 1e100")
 }
 
 /// Times that do not increase.
-pub(super) fn not_later(t: f64, previous: f64) -> String {
+#[must_use]
+pub fn not_later(t: f64, previous: f64) -> String {
     format!("column `t`: {t} s given, expected more than {previous} s, the scenario's row before")
 }
 
 /// A gap that would take too many steps to cross.
-pub(super) fn too_far(t: f64) -> String {
+#[must_use]
+pub fn too_far(t: f64) -> String {
     format!("column `t`: {t} s is more than a million steps of T after the scenario's row before")
 }
 
 /// A file with too few rows.
-pub(super) fn too_few_rows(rows: usize, least: usize) -> At {
+#[must_use]
+pub fn too_few_rows(rows: usize, least: usize) -> At {
     (1, format!("{rows} rows of data, expected {least} or more below the header"))
 }
 
 /// The number in a cell that may be empty.
-pub(super) fn optional(cell: &str, column: &str) -> Result<Option<f64>, String> {
+///
+/// # Errors
+///
+/// What is there instead.
+pub fn optional(cell: &str, column: &str) -> Result<Option<f64>, String> {
     if cell.is_empty() { Ok(None) } else { finite(cell, column).map(Some) }
 }

@@ -2,8 +2,10 @@
 
 use toml::{Table, Value};
 
-/// The key of the first number that is NaN, or infinite where that means nothing, and the number.
-pub(crate) fn first_not_finite(table: &Table) -> Option<(String, f64)> {
+/// The key of the first number that is NaN, or infinite where that means nothing, and the number. Lists
+/// and tables of `bounds` whose key ends with `low` may be -inf, others inf.
+#[must_use]
+pub fn first_not_finite(table: &Table, bounds: &[&str]) -> Option<(String, f64)> {
     /// The rest of the key, and the number.
     fn search(value: &Value) -> Option<(String, f64)> {
         match value {
@@ -19,33 +21,16 @@ pub(crate) fn first_not_finite(table: &Table) -> Option<(String, f64)> {
         }
     }
     let mut table = table.clone();
-    unbounded(&mut table);
+    unbounded(&mut table, bounds);
     let of = |(key, value): (&String, &Value)| {
         search(value).map(|(rest, v)| (format!("{key}{rest}"), v))
     };
     table.iter().find_map(of)
 }
 
-/// The bounds that may be infinite, which is no bound.
-const BOUNDS: [&str; 8] = [
-    "control.state_low",
-    "control.state_high",
-    "control.output_low",
-    "control.output_high",
-    "control.increment_low",
-    "control.increment_high",
-    "control.estimator.low",
-    "control.estimator.high",
-];
-
-/// Whether the numbers of a key may be infinite.
-pub(crate) fn may_be_infinite(key: &str) -> bool {
-    BOUNDS.contains(&key)
-}
-
 /// Takes infinite bounds away that are on the right side.
-fn unbounded(table: &mut Table) {
-    for key in BOUNDS {
+fn unbounded(table: &mut Table, bounds: &[&str]) {
+    for key in bounds {
         let none = if key.ends_with("low") { f64::NEG_INFINITY } else { f64::INFINITY };
         let mut keys = key.split('.');
         let first = keys.next().and_then(|key| table.get_mut(key));
