@@ -342,3 +342,16 @@ fn a_tube_counts_what_the_estimator_does_not_know_of_a_parameter() {
         }
     }
 }
+
+#[test]
+fn noise_follows_its_own_seed() {
+    let input = |sets: &[&str]| -> Vec<u64> {
+        let noisy = ["control.measurement.noise_sd=[0.05]", "--unset control.uncertainty"];
+        let (_, rows) = run(TANK, &[&noisy[..], sets].concat());
+        rows.iter().map(|row| row.input[0].to_bits()).collect()
+    };
+    let own = input(&[]);
+    assert_eq!(input(&["control.noise_seed=1"]), own);
+    assert_eq!(input(&["control.noise_seed=1", "seed=7"]), own);
+    assert_ne!(input(&["control.noise_seed=2"]), own);
+}
