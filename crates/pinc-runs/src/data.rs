@@ -122,18 +122,14 @@ fn trajectories(
         let input = (first..first + m).map(number).collect::<Result<_, _>>()?;
         let state = (first + m..names.len()).map(measured).collect::<Result<_, _>>()?;
         let name = if named { &row[places[0]] } else { "" };
-        let place = match scenarios.iter().position(|(other, _)| other == name) {
-            Some(place) => place,
-            None => {
-                scenarios.push((name.to_owned(), Vec::new()));
-                scenarios.len() - 1
-            }
-        };
+        let known = scenarios.iter().position(|(other, _)| other == name);
+        let place = known.unwrap_or(scenarios.len());
+        if known.is_none() {
+            scenarios.push((name.to_owned(), Vec::new()));
+        }
         let recorded = &mut scenarios[place].1;
-        if let Some(Recorded { t: previous, .. }) = recorded.last()
-            && t <= *previous
-        {
-            return Err(at(not_later(t, *previous)));
+        if let Some(last) = recorded.last().filter(|last| t <= last.t) {
+            return Err(at(not_later(t, last.t)));
         }
         recorded.push(Recorded { t, input, state });
     }

@@ -97,14 +97,11 @@ pub(super) fn unknown_parameters(experiment: &Experiment, data: &DataSpec) -> Ch
         return value("data.files", format!("{:?}", data.files), expected);
     }
     parameters(|i| format!("data.parameters[{i}]"), &data.parameters, experiment)?;
-    if data.parameters.is_empty() {
-        return Ok(());
+    let expected = "no such key with data.parameters: the last net is kept";
+    match data.parameters.is_empty() || data.held_out.is_empty() {
+        true => Ok(()),
+        false => value("data.held_out", format!("{:?}", data.held_out), expected),
     }
-    if !data.held_out.is_empty() {
-        let expected = "no such key with data.parameters: the last net is kept";
-        return value("data.held_out", format!("{:?}", data.held_out), expected);
-    }
-    Ok(())
 }
 
 /// Checks that the parameters that vary in [domain] and [validation] are ones of the plant.

@@ -233,14 +233,13 @@ fn filled(path: &Path, rows: &Rows, sample_time_s: f64) -> Result<Recorded, RunE
                 return Err(at(too_far(row.t)));
             }
             let steps = row.steps_since(before.t, sample_time_s).filter(|steps| *steps >= 1.0);
-            let not_whole = || {
+            let steps = steps.ok_or_else(|| {
                 at(format!(
                     "column `t`: {} s after {} s given, expected a whole number of steps of T = \
                      {sample_time_s} s; identify.step_s sets T for integrators",
                     row.t, before.t
                 ))
-            };
-            let steps = steps.ok_or_else(not_whole)?;
+            })?;
             for k in (1..).map(f64::from).take_while(|k| *k < steps) {
                 all.u.extend(&before.u);
                 all.y.extend(std::iter::repeat_n(f64::NAN, channels));
