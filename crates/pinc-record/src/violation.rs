@@ -60,7 +60,12 @@ impl ViolationMetrics {
     /// Whether a hard bound was broken by more than rounding and the optimizer's tolerance.
     #[must_use]
     pub fn is_noteworthy(&self) -> bool {
-        self.hard && self.share > VISIBLE
+        self.hard && self.is_visible()
+    }
+
+    /// Whether the bound, of whatever softness, was broken by more than these.
+    pub(crate) fn is_visible(&self) -> bool {
+        self.share > VISIBLE
     }
 
     /// Whether the bound held at the ends of control steps, as far as is visible.

@@ -172,7 +172,7 @@ pub struct SweepMetrics {
     /// Those that a search has dropped before they were run.
     #[serde(default, skip_serializing_if = "is_zero")]
     pub dropped: usize,
-    /// The models whose loop broke a hard bound in some trials that are done.
+    /// The models whose loop broke a bound in some trials that are done.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub broken_bounds: Vec<BrokenBounds>,
     /// The best candidate of a search, in words.
@@ -180,7 +180,7 @@ pub struct SweepMetrics {
     pub best: Option<String>,
 }
 
-/// The trials of a sweep in which a loop broke a hard bound.
+/// The trials of a sweep in which a loop broke a bound, hard or not, by more than rounding.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct BrokenBounds {
     /// The model.
@@ -196,7 +196,7 @@ impl SweepMetrics {
         let note = |BrokenBounds { model, trials }: &BrokenBounds| {
             let (title, name, done) = (model.title(), model.name(), self.done);
             format!(
-                "With {title} a hard bound was broken in {trials} of {done} trials: column \
+                "With {title} a bound was broken in {trials} of {done} trials: column \
                  `{name}_max_violation` of sweep.csv."
             )
         };

@@ -115,7 +115,7 @@ impl<'a> Ledger<'a> {
     fn broken_bounds(&self) -> Vec<BrokenBounds> {
         let done = self.results.iter().flatten().filter(|of| of.ending == Ending::Done);
         let loops = done.flat_map(|of| &of.metrics.control);
-        let broken = loops.filter(|of| of.violations.iter().any(ViolationMetrics::is_noteworthy));
+        let broken = loops.filter(|of| of.violations.iter().any(ViolationMetrics::is_visible));
         let models: Vec<ModelKind> = broken.map(|of| of.model).collect();
         let of = |model: ModelKind| BrokenBounds {
             model,

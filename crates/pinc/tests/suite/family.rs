@@ -178,6 +178,18 @@ fn steps_with_a_parameter_outside_its_range_are_counted() {
     assert!((farthest - 0.4).abs() < 1e-12, "{found}");
 }
 
+/// A branch asks the net for its own value in each step.
+#[test]
+fn scenarios_outside_the_range_of_a_parameter_are_counted() {
+    let dir = tempfile::tempdir().unwrap();
+    let scenarios = "control.scenarios={ values = { k = [3.3, 4.0] } }";
+    let metrics = run(dir.path(), "tree", &[scenarios, "control.models=[\"pinc\"]"]);
+    let found = &metrics["control"][0]["outside_domain"];
+    assert_eq!((&found["samples"], &found["outside"]), (&40.into(), &40.into()), "{found}");
+    let farthest = found["variables"]["k"]["farthest"].as_f64().unwrap();
+    assert!((farthest - 0.2).abs() < 1e-12, "{found}");
+}
+
 /// As the controller above, one that estimates k asks the net for it outside the range: the estimates
 /// in `estimates.csv` say when. Told to refuse that, the loop ends there, and so does a live step.
 #[test]

@@ -336,3 +336,53 @@ fn further_keys_of_an_axis_take_its_values_and_the_time_is_drawn() {
     fs::write(&config, refused).unwrap();
     run(&config, &dir.path().join("other"), &[]).assert_refused(&["`sweep.grid[0].also`"]);
 }
+
+/// Plants whose gain the controller does not know, beside an upper bound.
+const DRAWN: &str = r#"
+name = "drawn"
+preset = "ours"
+seed = 1
+[plant.expression]
+states = [{ name = "x", unit = "m" }]
+inputs = ["u"]
+parameters = { k = 1.0 }
+derivatives = { x = "(k*u - x)/10" }
+[control]
+models = ["rk4"]
+step_s = 2.0
+duration_s = 20.0
+initial_state = [0.5]
+controlled = ["x"]
+q = [10.0]
+r = [0.01]
+n2 = 4
+nu = 4
+state_high = [1.5]
+state_softness = "exact"
+input_low = [0.0]
+input_high = [10.0]
+references = [{ start_s = 0.0, value = [1.5] }]
+[[sweep.draws]]
+name = "gains"
+count = 12
+ranges = [{ key = "control.plant.expression.parameters.k", low = 0.7, high = 1.3 }]
+"#;
+
+#[test]
+fn the_trials_that_broke_a_bound_are_counted() {
+    let dir = tempfile::tempdir().unwrap();
+    let config = dir.path().join("drawn.toml");
+    fs::write(&config, DRAWN).unwrap();
+    let out = dir.path().join("out");
+    let done = outcome(pinc(&["run"]).arg(&config).arg("--out").arg(&out));
+    assert_eq!(done.code, Some(0), "{done:?}");
+    let table = fs::read_to_string(out.join("sweep.csv")).unwrap();
+    let mut rows = table.lines().map(|line| line.split(',').collect::<Vec<_>>());
+    let column = rows.next().unwrap().iter().position(|c| *c == "rk4_violation_share").unwrap();
+    let broken = rows.filter(|row| row[column].parse::<f64>().unwrap() > 1e-4).count();
+    assert!((2..11).contains(&broken), "{broken} of 12");
+    let note = format!("With RK4 a bound was broken in {broken} of 12 trials");
+    assert!(done.stdout.contains(&format!("note: {note}")), "{}", done.stdout);
+    let report = fs::read_to_string(out.join("report.html")).unwrap();
+    assert!(report.contains(&note) && report.contains("largest violation of a bound with RK4"));
+}
