@@ -28,8 +28,9 @@ const FIRST_PROGRAMS: usize = 10;
 ///
 /// and a bound on h'x moves inwards by z sqrt(h'P h) + sqrt(h'E h) + the sum of |h'g|, z being the
 /// normal distribution's quantile. Where parameters p of the controller's model are estimated, P is
-/// that of (x, p), of which p is constant: L = (M, dF/dp; 0, I). K is 0 at the first stage. (+) is the ellipsoid of least trace,
-/// in the tube's units, around the sum. What is quadratic in deviations is neglected.
+/// that of (x, p), of which p is constant: L = (M, dF/dp; 0, I). K is 0 at the first stage. (+) is the
+/// ellipsoid of least trace, in the tube's units, around the sum. What is quadratic in deviations is
+/// neglected.
 ///
 /// Reference: A. Zanelli, J. Frey, F. Messerer, M. Diehl, "Zero-order robust nonlinear model
 /// predictive control with ellipsoidal uncertainty sets", IFAC-PapersOnLine 54-6 (2021).
@@ -85,8 +86,8 @@ struct Work {
     x: Vec<f64>,
     /// y, C, D and dh/dp.
     outputs: [Vec<f64>; 4],
-    /// A row of the outputs' derivatives by (x, p).
-    row: Vec<f64>,
+    /// D K, `[n]`.
+    through: Vec<f64>,
 }
 
 impl EllipsoidTube {
@@ -136,7 +137,7 @@ impl EllipsoidTube {
                 p: zeros(of_model.np),
                 x: zeros(n),
                 outputs: [ny, ny * n, ny * dims.nu, ny * of_model.np].map(zeros),
-                row: zeros(size),
+                through: zeros(n),
             },
             sources,
             model,
@@ -172,12 +173,14 @@ impl EllipsoidTube {
         &self.gains.k
     }
 
-    /// How far h'(x, p) can be from the plan at `x_j`, of which the bounded and constant deviations are
-    /// the present ones.
-    fn width(&self, h: &[f64], j: usize) -> f64 {
-        let (n, size) = (self.dims.nx, h.len());
-        let random = quadratic(h, &self.p[j * size * size..(j + 1) * size * size]).max(0.0).sqrt();
-        let by_x = &h[..n];
+    /// How far h'x + k'p can be from the plan at `x_j`, of which the bounded and constant deviations are
+    /// the present ones; without k if it is empty.
+    fn width(&self, [by_x, by_p]: [&[f64]; 2], j: usize) -> f64 {
+        let (n, size) = (self.dims.nx, self.dims.nx + self.estimated);
+        let covariance = self.p[j * size * size..(j + 1) * size * size].chunks_exact(size);
+        let by = |row: &[f64]| dot(by_x, &row[..n]) + dot(by_p, &row[n..]);
+        let random: f64 = by_x.iter().chain(by_p).zip(covariance).map(|(h, row)| h * by(row)).sum();
+        let random = random.max(0.0).sqrt();
         let bounded = quadratic(by_x, &self.e).max(0.0).sqrt();
         let constant: f64 = self.g.chunks_exact(n).map(|g| dot(by_x, g).abs()).sum();
         self.quantile * random + bounded + constant
@@ -189,18 +192,6 @@ impl EllipsoidTube {
         let random = self.p[j * size * size + i * (size + 1)].max(0.0).sqrt();
         let constant: f64 = self.g.iter().skip(i).step_by(n).map(|g| g.abs()).sum();
         self.quantile * random + self.e[i * (n + 1)].max(0.0).sqrt() + constant
-    }
-
-    /// [`EllipsoidTube::width`] of what the feedback asks of an input in stage `j`.
-    fn width_of_input(&mut self, i: usize, j: usize) -> f64 {
-        let n = self.dims.nx;
-        let mut row = std::mem::take(&mut self.work.row);
-        let (by_x, by_p) = row.split_at_mut(n);
-        by_x.copy_from_slice(&self.gains.stage(j)[i * n..(i + 1) * n]);
-        by_p.fill(0.0);
-        let width = self.width(&row, j);
-        self.work.row = row;
-        width
     }
 
     /// Deviations at the end of stage `j` from those at its beginning.
@@ -333,34 +324,28 @@ impl EllipsoidTube {
     fn begin_outputs(&mut self, j: usize, along: AlongPlan<'_>, end: IntervalEnd, to: &mut [f64]) {
         let Dims { nx: n, nu, .. } = self.dims;
         self.linearize_outputs(j, along, end);
-        let mut row = std::mem::take(&mut self.work.row);
+        let mut row = std::mem::take(&mut self.work.through);
         for (i, to) in to.iter_mut().enumerate() {
             let [_, c, d, _] = &self.work.outputs;
-            let (by_x, by_p) = row.split_at_mut(n);
-            multiply(&d[i * nu..(i + 1) * nu], self.gains.stage(j), nu, n, by_x);
-            match end {
+            multiply(&d[i * nu..(i + 1) * nu], self.gains.stage(j), nu, n, &mut row);
+            let by_p = match end {
                 IntervalEnd::Start => {
-                    by_x.iter_mut().zip(&c[i * n..(i + 1) * n]).for_each(|(row, c)| *row += c);
-                    by_p.copy_from_slice(self.output_by_p(i));
+                    row.iter_mut().zip(&c[i * n..(i + 1) * n]).for_each(|(row, c)| *row += c);
+                    self.output_by_p(i)
                 }
-                IntervalEnd::End => by_p.fill(0.0),
-            }
-            *to = self.width(&row, j) + self.direct(i);
+                IntervalEnd::End => &[],
+            };
+            *to = self.width([&row, by_p], j) + self.direct(i);
         }
-        self.work.row = row;
+        self.work.through = row;
     }
 
     /// Adds what comes through the state at the end of stage `j` and the estimated parameters.
-    fn end_outputs(&mut self, j: usize, to: &mut [f64]) {
-        let n = self.dims.nx;
-        let mut row = std::mem::take(&mut self.work.row);
-        for (i, to) in to.iter_mut().enumerate() {
-            let (by_x, by_p) = row.split_at_mut(n);
-            by_x.copy_from_slice(&self.work.outputs[1][i * n..(i + 1) * n]);
-            by_p.copy_from_slice(self.output_by_p(i));
-            *to += self.width(&row, j + 1);
+    fn end_outputs(&self, j: usize, to: &mut [f64]) {
+        let c = self.work.outputs[1].chunks_exact(self.dims.nx);
+        for (i, (to, c)) in to.iter_mut().zip(c).enumerate() {
+            *to += self.width([c, self.output_by_p(i)], j + 1);
         }
-        self.work.row = row;
     }
 
     /// The derivatives of output `i` by the estimated parameters.
@@ -386,10 +371,9 @@ impl Tube for EllipsoidTube {
         let last = back_offs.inputs.len() / m - 1;
         let ny = back_offs.outputs.len() / self.stages;
         for j in 0..self.stages {
-            let moved = if self.tightens_inputs { m } else { 0 };
-            for i in 0..moved {
+            for i in (0..m).filter(|_| self.tightens_inputs) {
                 // The last free input acts in all stages that are left.
-                let width = self.width_of_input(i, j);
+                let width = self.width([&self.gains.stage(j)[i * n..(i + 1) * n], &[]], j);
                 let to = &mut back_offs.inputs[j.min(last) * m + i];
                 *to = to.max(width);
             }
