@@ -277,10 +277,9 @@ impl ControlSpec {
             output_softness: self.output_softness(variables),
             delay: self.delay_steps,
             periodic: places(&self.periodic, &variables.states),
-            end_states: places(
-                &self.end_state.keys().cloned().collect::<Vec<_>>(),
-                &variables.states,
-            ),
+            end_states: (0..variables.states.len())
+                .filter(|&i| self.end_state.contains_key(&*variables.states[i].name))
+                .collect(),
             ..NmpcProblem::new(variables.dims(), self.n2, weights)
         }
     }

@@ -9,8 +9,8 @@ use crate::runge_kutta_c::RungeKuttaModel;
 use crate::tube_c::ExportedTube;
 use pinc_expr::PlantEquations;
 use pinc_mpc::{
-    Bounds, NmpcProblem, PerStage, ProblemUnits, QpMethod, Reference, Softness, SqpConfig,
-    SqpHessian, Tracked, Weight,
+    Bounds, NmpcProblem, PerStage, ProblemUnits, QpMethod, Reference, SqpConfig, SqpHessian,
+    Tracked, Weight,
 };
 use pinc_net::{PincModel, PincNet};
 use pinc_ode::{Dims, Integrator, Model, WithOutputs};
@@ -257,13 +257,5 @@ impl<'a> Controller<'a> {
         let all = 0..self.problem.horizon * dims.nx;
         let last = self.problem.horizon - 1;
         all.map(|v| self.problem.state_penalty(v % dims.nx, v / dims.nx == last)).collect()
-    }
-}
-
-/// The largest multiplier of a constraint.
-pub(crate) fn penalty(softness: &Softness, i: usize) -> f64 {
-    match softness {
-        Softness::Penalty(weights) => weights[i],
-        _ => f64::INFINITY,
     }
 }

@@ -1,6 +1,6 @@
 //! A whole controller in C.
 
-use crate::controller::{Controller, ModelSource, penalty};
+use crate::controller::{Controller, ModelSource};
 use crate::error::finite;
 use crate::error_c::without_estimate;
 use crate::feedback_c::{INCLUDE_OUTPUTS, feedback_core, has_units, set_unknowns};
@@ -299,7 +299,7 @@ fn output_rows(
     let pick = |of: &dyn Fn(usize, usize) -> f64| -> Vec<f64> {
         rows.iter().map(|&(j, o, _)| of(j, o)).collect()
     };
-    let soft = |o: usize| penalty(&problem.output_softness, o) * units.outputs[o] / units.cost;
+    let soft = |o: usize| problem.output_softness.penalty(o) * units.outputs[o] / units.cost;
     let mut text = String::from(
         "/* Rows of bounded outputs: the interval, whose input they are taken with; of the predicted \
          states the one at that end of it (at the measured state any, for it does not move); \

@@ -152,7 +152,8 @@ impl Softness {
     }
 
     /// The most that a multiplier of constraint `i` may be.
-    pub(crate) fn penalty(&self, i: usize) -> f64 {
+    #[must_use]
+    pub fn penalty(&self, i: usize) -> f64 {
         match self {
             Self::Penalty(weights) => weights[i],
             Self::Hard | Self::Exact => f64::INFINITY,

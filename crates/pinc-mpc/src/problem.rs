@@ -130,10 +130,7 @@ impl NmpcProblem {
     #[must_use]
     pub fn state_penalty(&self, i: usize, at_end: bool) -> f64 {
         let is_met = at_end && (self.periodic.contains(&i) || self.end_states.contains(&i));
-        if is_met && matches!(self.state_softness, Softness::Penalty(_)) {
-            return f64::INFINITY;
-        }
-        self.state_softness.penalty(i)
+        if is_met { f64::INFINITY } else { self.state_softness.penalty(i) }
     }
 
     /// Checks the problem against a model of dimensions `dims`.

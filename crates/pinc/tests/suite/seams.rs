@@ -230,6 +230,8 @@ const ESTIMATOR: [&str; 7] = [
     "control.estimator.disturbance=none",
 ];
 
+const SOFT: &str = "control.state_softness={ penalty = [0.5, 0.5] }";
+
 const OFFSET: [&str; 3] = [
     "control.estimator.disturbance=input",
     "control.estimator.disturbance_sd=[0.1]",
@@ -400,7 +402,7 @@ fn keys() -> Vec<(&'static str, Vec<&'static str>, About)> {
             ],
             Controller,
         ),
-        ("end_state", vec!["control.end_state={ x = 0.1 }"], Controller),
+        ("end_state", vec!["control.end_state={ x = 0.1 }", SOFT], Controller),
         ("periodic", vec!["control.periodic=[\"x\"]"], Controller),
         ("integer", vec!["control.integer=[\"u\"]"], Controller),
         (
