@@ -3,7 +3,7 @@
 use crate::{Finding, LISTED, Subject, short};
 use pinc_analysis::OperatingPoint;
 use pinc_config::{LoopParameters, TimeUnit};
-use pinc_ode::Variable;
+use pinc_ode::{DynRhs, Variable};
 
 /// Random points of the region.
 const POINTS: usize = 1000;
@@ -57,38 +57,44 @@ fn of_family(subject: &Subject<'_>, random: &[OperatingPoint]) -> Option<Finding
         return None;
     }
     let plant = subject.experiment.plant.family(&names);
-    let mut rates = vec![0.0; plant.states().len()];
-    let mut is_bad = |point: &&OperatingPoint| {
-        plant.rhs(&point.x, &point.u, &p, &mut rates);
-        let slopes = plant.jacobian(&point.x, &point.u, &p);
-        !rates.iter().chain(&slopes).all(|value| value.is_finite())
-    };
-    let bad: Vec<_> = random.iter().filter(&mut is_bad).collect();
-    let (share, names) = (bad.len(), names.join(", "));
-    let place = subject.at(bad.first()?);
+    let faults = random.iter().filter_map(|point| Some((point, fault_of((&*plant, &p), point)?)));
+    let bad: Vec<(&OperatingPoint, String)> = faults.collect();
+    let (point, fault) = bad.first()?;
     let what = format!(
-        "with {names} as a variable the equation or a derivative is not finite at {share} of {POINTS} \
-         random points of {}, at {place} for instance",
-        subject.region_name
+        "with {} as a variable the equation or a derivative is not finite at {} of {POINTS} random \
+         points of {}: {fault} at {}",
+        names.join(", "),
+        bad.len(),
+        subject.region_name,
+        subject.at(point)
     );
     let finding = Finding::error("plant", what)
-        .because("models and nets take it as an input; x^n has no value below 0 where n is one")
+        .because(
+            "models and nets take parameters that vary as inputs; x^n has no value below 0 where n \
+             varies",
+        )
         .change("guard what is below 0, as max(x, 0)^n, or keep the domain away from there");
     Some(finding)
 }
 
 /// What is not finite at a point, if anything is.
 fn fault(subject: &Subject<'_>, point: &OperatingPoint) -> Option<String> {
-    let names = |i: usize| &subject.plant.states()[i].name;
-    let velocity = subject.rhs(&point.x, &point.u);
+    fault_of((subject.plant, &[]), point)
+}
+
+/// [`fault`] of a plant with the parameters p.
+fn fault_of((plant, p): (&dyn DynRhs, &[f64]), point: &OperatingPoint) -> Option<String> {
+    let names = |i: usize| &plant.states()[i].name;
+    let mut velocity = vec![0.0; point.x.len()];
+    plant.rhs(&point.x, &point.u, p, &mut velocity);
     if let Some(i) = velocity.iter().position(|v| !v.is_finite()) {
-        let reason = subject.plant.explain(&point.x, &point.u, &[]);
+        let reason = plant.explain(&point.x, &point.u, p);
         let reason = reason.map_or(String::new(), |reason| format!(" ({reason})"));
         return Some(format!("{}' is {}{reason}", names(i), velocity[i]));
     }
-    let jacobian = subject.plant.jacobian(&point.x, &point.u, &[]);
-    let inputs = subject.plant.inputs().iter();
-    let variables: Vec<_> = subject.plant.states().iter().chain(inputs).map(|v| &v.name).collect();
+    let jacobian = plant.jacobian(&point.x, &point.u, p);
+    let inputs = plant.inputs().iter().chain(plant.parameters());
+    let variables: Vec<_> = plant.states().iter().chain(inputs).map(|v| &v.name).collect();
     for k in 0..variables.len() {
         let column = jacobian.iter().skip(k).step_by(variables.len());
         if let Some((i, value)) = column.enumerate().find(|(_, v)| !v.is_finite()) {
