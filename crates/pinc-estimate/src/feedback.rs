@@ -130,14 +130,16 @@ impl Observer for OutputFeedback {
         let correction = self.estimator.correct(&self.measured);
         let z = self.estimator.estimate();
         self.augmentation.read(z, x, parameters);
-        let of_estimate = self.estimator.covariance();
-        self.augmentation.read_covariance(of_estimate, x.len(), &mut self.covariance);
         let nees = self.nees(plant.x);
         self.history.nees.push(nees);
         self.history.take_note(&*self.estimator, &self.measured, correction);
     }
 
-    fn covariance(&self) -> Option<&[f64]> {
+    fn covariance(&mut self) -> Option<&[f64]> {
+        let dims = self.estimator.dims();
+        let nx = dims.nx - self.augmentation.unknowns(dims);
+        let of_estimate = self.estimator.covariance();
+        self.augmentation.read_covariance(of_estimate, nx, &mut self.covariance);
         Some(&self.covariance)
     }
 

@@ -247,7 +247,9 @@ impl<'a> ClosedLoop<'a> {
         let mut y = vec![0.0; self.plant.dims().ny];
         self.plant.output(&self.x, &self.acted[0], &mut y);
         watch.observe(PlantNow { step: self.done, x: &self.x, y: &y });
-        if let Some(covariance) = watch.covariance() {
+        if self.nmpc.has_tube()
+            && let Some(covariance) = watch.covariance()
+        {
             self.nmpc.set_covariance(covariance);
         }
         watch.aim(&mut self.window);

@@ -14,8 +14,8 @@ pub trait Observer: Debug {
     fn observe(&mut self, plant: PlantNow<'_>, x: &mut [f64], parameters: &mut [f64]);
 
     /// The covariance of the state and parameters that were given last, `[n + np, n + np]`, where it is
-    /// known.
-    fn covariance(&self) -> Option<&[f64]> {
+    /// known. It is asked for where the controller has a tube.
+    fn covariance(&mut self) -> Option<&[f64]> {
         None
     }
 
@@ -63,7 +63,7 @@ impl<'a> Watch<'a> {
         }
     }
 
-    pub(crate) fn covariance(&self) -> Option<&[f64]> {
+    pub(crate) fn covariance(&mut self) -> Option<&[f64]> {
         self.observer.covariance()
     }
 

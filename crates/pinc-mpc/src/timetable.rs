@@ -300,6 +300,12 @@ impl Nmpc {
         Some(stages)
     }
 
+    /// Whether it has a tube.
+    #[must_use]
+    pub fn has_tube(&self) -> bool {
+        self.sqp.transcription.is_tightened()
+    }
+
     /// Tells the tube, if there is one, how uncertain the state of the next step and the parameters of
     /// the model are: their covariance, `[n + np, n + np]`.
     pub fn set_covariance(&mut self, covariance: &[f64]) {

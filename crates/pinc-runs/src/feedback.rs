@@ -43,7 +43,7 @@ impl Observer for TimedFeedback {
         self.correct_us.push(1e6 * self.last.get().as_secs_f64());
     }
 
-    fn covariance(&self) -> Option<&[f64]> {
+    fn covariance(&mut self) -> Option<&[f64]> {
         self.feedback.covariance()
     }
 

@@ -362,9 +362,11 @@ impl LiveController {
         self.observe(y, u_applied);
         if let Some(observer) = &mut self.observer {
             self.nmpc.set_parameters(&observer.unknowns)?;
-            let LiveEstimator { estimator, augmentation, covariance, .. } = observer;
-            augmentation.read_covariance(estimator.covariance(), self.x.len(), covariance);
-            self.nmpc.set_covariance(covariance);
+            if self.nmpc.has_tube() {
+                let LiveEstimator { estimator, augmentation, covariance, .. } = &mut *observer;
+                augmentation.read_covariance(estimator.covariance(), self.x.len(), covariance);
+                self.nmpc.set_covariance(covariance);
+            }
             if let Some(target) = &mut observer.target {
                 target.aim(&observer.unknowns, &mut self.window);
             }
