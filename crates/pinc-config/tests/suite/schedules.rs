@@ -273,8 +273,6 @@ fn functions_that_cannot_be_used_are_refused() {
     assert!(found.contains("no such key with control.delay_steps"), "{found}");
 }
 
-/// A resolved config has steps; the trials of a sweep have the function, with their own length of a
-/// step.
 /// What goes together at no time, or never, is refused at the key that says it.
 #[test]
 fn contradictions_are_refused() {
@@ -322,6 +320,8 @@ fn contradictions_are_refused() {
     }
 }
 
+/// A resolved config has steps; the trials of a sweep have the function, with their own length of a
+/// step.
 #[test]
 fn schedules_survive_being_written_out_and_swept() {
     let sets = [

@@ -190,6 +190,38 @@ fn scenarios_outside_the_range_of_a_parameter_are_counted() {
     assert!((farthest - 0.2).abs() < 1e-12, "{found}");
 }
 
+/// The net is asked for the input with its estimated disturbance.
+#[test]
+fn inputs_that_their_disturbance_leads_outside_are_counted() {
+    let dir = tempfile::tempdir().unwrap();
+    let estimator = r#"control.estimator={ kind = "ekf", process_sd = [0.01], measurement_sd = [0.01],
+        initial_estimate = [5.0], initial_sd = [0.01], disturbance = "input",
+        disturbance_sd = [0.1], disturbance_initial_sd = [0.5] }"#;
+    let sets = [
+        "control.measurement={}",
+        &estimator.replace('\n', ""),
+        "control.loads=[{ start_s = 100.0, inputs = { u = 2.0 } }]",
+        "control.references=[{ start_s = 0.0, value = [19.0] }]",
+        "control.models=[\"pinc\"]",
+        "control.max_failed_share=1.0",
+    ];
+    let metrics = run(dir.path(), "load", &sets);
+    let column = |file: &str, name: &str| -> Vec<[f64; 2]> {
+        let text = fs::read_to_string(dir.path().join("load").join(file)).unwrap();
+        let mut rows = text.lines().map(|line| line.split(',').collect::<Vec<_>>());
+        let place = rows.next().unwrap().iter().position(|of| *of == name).unwrap();
+        rows.map(|row| [0, place].map(|i| row[i].parse().unwrap())).collect()
+    };
+    let (u, d) = (column("control.csv", "u"), column("estimates.csv", "d_u"));
+    let asked = |[t, d]: &[f64; 2]| d + u.iter().find(|[at, _]| (at - t).abs() < 1e-6).unwrap()[1];
+    let beyond: Vec<f64> = d.iter().map(|of| asked(of) - 4.45).filter(|by| *by > 1e-6).collect();
+    let found = &metrics["control"][0]["outside_domain"]["variables"]["u"];
+    assert!(beyond.len() > 3, "{beyond:?}");
+    assert_eq!(found["samples"], beyond.len(), "{found} {beyond:?}");
+    let most = beyond.iter().fold(0.0_f64, |most, by| most.max(*by));
+    assert!((found["farthest"].as_f64().unwrap() - most).abs() < 1e-9, "{found} {most}");
+}
+
 /// As the controller above, one that estimates k asks the net for it outside the range: the estimates
 /// in `estimates.csv` say when. Told to refuse that, the loop ends there, and so does a live step.
 #[test]
