@@ -2,6 +2,7 @@
 //! clock, where `unsafe` is, how long files are. Several are about what is absent.
 
 mod code;
+mod locks;
 
 use code::{code, files_of_tests, rust_files, words};
 use std::collections::BTreeSet;
