@@ -3,7 +3,8 @@
 use pinc_config::{ControlSpec, Experiment, ModelKind};
 use pinc_mpc::{Bounds, Reference};
 use pinc_ode::PiecewiseConstant;
-use pinc_record::{CsvText, RunDir};
+use pinc_record::{CsvText, Provenance, RunDir};
+use pinc_runs::invocation::invocation;
 use pinc_runs::{
     BatchController, ModelFile, Options, PolicyFile, RunError, Target, Verbosity, console,
 };
@@ -82,6 +83,7 @@ pub fn shrink(
     let failed = |error| of_shrink(&experiment.name, error);
     pinc_shrink::check_batch(controller.batch_mut()).map_err(failed)?;
     let run_dir = RunDir::open(dir, experiment, std::process::id())?;
+    run_dir.write_provenance(&Provenance::of(experiment, invocation(options.arguments)), false)?;
     let mut see = |stage: Stage| {
         if options.check_interrupt(dir).is_err() {
             return ControlFlow::Break(());

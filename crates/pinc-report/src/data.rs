@@ -223,13 +223,18 @@ const OTHERS: [(&str, &str, &str); 4] = [
     (file::CERTIFY, "pinc certify", file::CERTIFY),
 ];
 
-/// An error if the files in `dir` are of such a command.
+/// An error if the files in `dir` are of such a command, finished or not.
 fn of_another_command(dir: &Path) -> Result<(), ReportError> {
-    match OTHERS.into_iter().find(|(of, ..)| dir.join(of).exists()) {
+    let owned = || dir.to_owned();
+    if let Some((_, command, place)) = OTHERS.into_iter().find(|(of, ..)| dir.join(of).exists()) {
+        return Err(ReportError::NotOfARun { dir: owned(), command, place: dir.join(place) });
+    }
+    let provenance = Provenance::read(dir)?;
+    let began = provenance.as_ref().and_then(|of| of.begun.command.get(1));
+    let is_begun = |command: &str| began.is_some_and(|name| command.ends_with(&format!(" {name}")));
+    match OTHERS.into_iter().find(|(_, command, _)| is_begun(command)) {
+        Some((_, command, _)) => Err(ReportError::Unfinished { dir: owned(), command }),
         None => Ok(()),
-        Some((_, command, place)) => {
-            Err(ReportError::NotOfARun { dir: dir.to_owned(), command, place: dir.join(place) })
-        }
     }
 }
 

@@ -44,6 +44,14 @@ pub enum ReportError {
         /// The report or table of these results.
         place: PathBuf,
     },
+    /// What a command that makes no runs began and did not finish.
+    #[error("{}: `{command}` was interrupted; run it again to its end", dir.display())]
+    Unfinished {
+        /// The directory.
+        dir: PathBuf,
+        /// The command.
+        command: &'static str,
+    },
     /// A run without results.
     #[error("{}: the run has no metrics.json; finish it with `pinc run --resume`", dir.display())]
     NoMetrics {

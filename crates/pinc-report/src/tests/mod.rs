@@ -453,6 +453,14 @@ fn directories_of_other_commands_are_refused_by_name() {
         fs::remove_file(dir.path().join("metrics.json")).unwrap();
         let error = build(dir.path()).unwrap_err().to_string();
         assert!(error.contains(command) && error.ends_with(place), "{error}");
+        // Without it, the command was interrupted.
+        fs::remove_file(dir.path().join(file)).unwrap();
+        let name = command.strip_prefix("pinc ").unwrap();
+        write(&dir, "provenance.json", &PROVENANCE.replace("\"run\"", &format!("\"{name}\"")));
+        let error = build(dir.path()).unwrap_err().to_string();
+        assert!(
+            error.ends_with(&format!(": `{command}` was interrupted; run it again to its end"))
+        );
     }
 }
 

@@ -15,6 +15,8 @@ fn the_table_and_the_summary_have_the_numbers_of_each_driver() {
     let said = outcome(command.arg(repository("configs/smoke/van-der-pol.toml")));
     assert_eq!(said.code, Some(0), "{said:?}");
     let table = fs::read_to_string(out.join("shrink.csv")).unwrap();
+    let provenance = fs::read_to_string(out.join("provenance.json")).unwrap();
+    assert!(provenance.contains("\"shrink\""), "{provenance}");
     let mut lines = table.lines();
     assert_eq!(lines.next(), Some("driver,loops,iae,broken,newly_broken,kept,optimized"));
     let rows: Vec<(&str, Vec<f64>)> = lines
