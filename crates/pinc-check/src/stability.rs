@@ -91,7 +91,7 @@ fn unreached(subject: &Subject<'_>, place: &str, point: &OperatingPoint) -> Opti
     let tangent = StateSpace::tangent(subject.plant, point, &[])?;
     let modes = tangent.scaled(&subject.region.widths()).unreached_growth();
     (!modes.is_empty()).then(|| {
-        let what = format!("no input acts on what grows: modes {}", describe(subject, &modes));
+        let what = format!("no input acts on the growing modes {}", describe(subject, &modes));
         Finding::warning(place, what)
             .because("no controller can stop a deviation there from growing")
             .change(

@@ -196,7 +196,7 @@ fn growth_that_no_input_reaches_is_a_warning() {
     let both = ["control.controlled=[\"x1\", \"x2\"]", "control.q=[1.0, 1.0]"];
     let sets = [&both[..], &["control.references.0.value=[0.5, 0.0]"]].concat();
     let alone = findings(["u - x1", "0.2*x2"], &sets);
-    assert_eq!(only(&alone, "no input acts on what grows: modes 0.2000 1/s").0, Warning);
+    assert_eq!(only(&alone, "no input acts on the growing modes 0.2000 1/s").0, Warning);
     assert_eq!(only(&alone, "no input moves x2 within the prediction horizon").0, Warning);
     let reached = findings(["u - x1", "0.2*x2 + 0.01*u"], &sets);
     assert!(!reached.iter().any(|of| of.what.contains("no input acts")), "{reached:#?}");
