@@ -98,8 +98,16 @@ pub(crate) fn stage(
     let distilled = setup.net.is_some_and(|net| net.source() == TrainingTarget::Integrator);
     run_dir.update(|all| (all.control, all.distilled) = (Vec::new(), distilled))?;
     run_dir.remove_loops()?;
+    let mut first_failure = None;
     for &kind in setup.kinds {
-        let metrics = run_model(plant, setup, kind, options, run_dir)?;
+        let metrics = match run_model(plant, setup, kind, options, run_dir) {
+            // The other models may do better.
+            Err(error) if error.is_of_this_run() => {
+                first_failure.get_or_insert(error);
+                continue;
+            }
+            outcome => outcome?,
+        };
         let models = setup.kinds.len();
         let files = [file::control, file::steps, file::plans].map(|name| name(kind, models));
         run_dir.note(&files.each_ref().map(String::as_str));
@@ -113,7 +121,7 @@ pub(crate) fn stage(
         }
         run_dir.update(|all| all.control.push(metrics))?;
     }
-    Ok(())
+    first_failure.map_or(Ok(()), Err)
 }
 
 fn run_model(

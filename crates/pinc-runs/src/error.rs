@@ -168,6 +168,20 @@ impl RunError {
         Self::usage(name, problem)
     }
 
+    /// Whether it is of this run alone, and the same every time: another model or config may do better.
+    #[must_use]
+    pub fn is_of_this_run(&self) -> bool {
+        match self {
+            Self::Net(NetError::Threads(_)) => false,
+            Self::Failed(_) | Self::Net(_) | Self::Control(_) | Self::Plant(_) => true,
+            Self::Estimate(_) | Self::Tube(_) | Self::Verify(_) => true,
+            Self::Config(_) | Self::Record(_) | Self::Usage { .. } | Self::Export(_) => false,
+            Self::Model { .. } | Self::Csv { .. } | Self::StandardOutput(_) => false,
+            Self::Identify(_) | Self::IdentifyFile { .. } => false,
+            Self::Report(_) | Self::Interrupted { .. } => false,
+        }
+    }
+
     /// The exit code of the program: 2 for bad usage or input, 1 for a run that failed.
     #[must_use]
     pub fn exit_code(&self) -> u8 {

@@ -3,7 +3,6 @@
 use super::Session;
 use super::progress::Progress;
 use pinc_config::Trial;
-use pinc_net::NetError;
 use pinc_record::work::{Job, Outcome, Queue, effort};
 use pinc_record::{Ending, Finished, RecordError, RunDir, SweepDir};
 use pinc_runs::{Options, RunError, Threads, run_trial, train_shared, verdict};
@@ -199,14 +198,11 @@ impl Drop for StopIfPanicking<'_, '_> {
     }
 }
 
-/// Tells an error that is the trial's own, and the same every time, from one that ends the sweep.
+/// Tells an error that is the trial's own from one that ends the sweep.
 fn result_of_trial(outcome: Result<(), RunError>) -> Result<Result<(), String>, RunError> {
     match outcome {
         Ok(()) => Ok(Ok(())),
-        Err(RunError::Net(error @ NetError::Threads(_))) => Err(RunError::Net(error)),
-        Err(error @ (RunError::Net(_) | RunError::Control(_) | RunError::Plant(_))) => {
-            Ok(Err(error.to_string()))
-        }
+        Err(error) if error.is_of_this_run() => Ok(Err(error.to_string())),
         Err(error) => Err(error),
     }
 }

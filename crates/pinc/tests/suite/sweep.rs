@@ -270,6 +270,30 @@ set = { "training.phases.0.iterations" = 5 }
     assert!(out.join("report.html").exists());
 }
 
+/// A loop that is refused its net is its trial's failure, not the sweep's, nor the other model's.
+#[test]
+fn a_model_that_fails_leaves_the_loops_of_the_others() {
+    let levels = r#"
+[[sweep.grid]]
+key = "control.initial_state.0"
+values = [1.0, 5.0]
+"#;
+    let begin = SWEEP.find("[sweep]").unwrap();
+    let (dir, config) = sweep_with(&SWEEP[begin..], levels);
+    let out = dir.path().join("out");
+    let sets = ["control.outside_domain=\"refuse\"", "control.models=[\"pinc\", \"rk4\"]"];
+    let outcome = run(&config, &out, &["--set", sets[0], "--set", sets[1]]);
+    assert_eq!(outcome.code, Some(1), "{outcome:?}");
+    assert!(outcome.stderr.contains("1 of 2 trials failed"), "{outcome:?}");
+    let trials = rows(&read(&out, "sweep.csv"));
+    for (trial, is_outside) in trials.iter().zip([true, false]) {
+        assert_eq!(trial["status"] == "failed", is_outside, "{trial:?}");
+        assert_eq!(trial["error"].contains("outside its training domain: h"), is_outside);
+        assert_eq!(trial["pinc_iae"].is_empty(), is_outside, "{trial:?}");
+        assert!(!trial["rk4_iae"].is_empty(), "{trial:?}");
+    }
+}
+
 #[test]
 fn mistakes_are_found_before_anything_runs() {
     let refused = |from: &str, to: &str, parts: &[&str]| {
