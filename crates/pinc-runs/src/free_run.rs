@@ -10,7 +10,6 @@ use pinc_ode::{DynPlant, Simulator};
 use pinc_record::{PredictionMetrics, PredictionRow, PredictionTable, RunDir, file};
 use rand::rngs::ChaCha8Rng;
 use rand::{RngExt, SeedableRng};
-use std::borrow::Cow;
 
 /// The stream of random numbers that the inputs are drawn from; pinc-net's are below.
 const STREAM: u64 = 1 << 32;
@@ -32,7 +31,7 @@ pub(crate) fn stage(
     // The initial state is given, not predicted.
     let marks: Vec<_> = rows[1..].iter().filter(|row| row.mark).collect();
     let all: Vec<_> = rows[1..].iter().collect();
-    let mut guard = Guard::new(Cow::Borrowed(net), OutsidePolicy::Report, (None, None));
+    let mut guard = Guard::of_command(net, OutsidePolicy::Report);
     if net.time_only().is_none() {
         rows.iter()
             .filter(|row| row.mark)

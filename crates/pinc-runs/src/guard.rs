@@ -17,6 +17,8 @@ const ROUNDING: f64 = 1e-9;
 pub(crate) struct Guard<'n> {
     net: Cow<'n, PincNet>,
     policy: OutsidePolicy,
+    /// What makes it report instead of refuse.
+    report: &'static str,
     arguments: InnerArguments,
     scenarios: Option<Scenarios>,
     found: OutsideDomain,
@@ -33,7 +35,14 @@ impl<'n> Guard<'n> {
         let [nx, nu] = [net.state_names(), net.input_names()].map(<[_]>::len);
         let dims = Dims::new(nx, nu).with_parameters(net.parameter_names().count());
         let arguments = InnerArguments::new(dims, augmentation);
-        Self { net, policy, arguments, scenarios, found: OutsideDomain::default() }
+        let report = "control.outside_domain = \"report\"";
+        Self { net, policy, report, arguments, scenarios, found: OutsideDomain::default() }
+    }
+
+    /// Of a net by itself whose policy is an option of a command.
+    pub(crate) fn of_command(net: &'n PincNet, policy: OutsidePolicy) -> Self {
+        let report = "--outside-domain report";
+        Self { report, ..Self::new(Cow::Borrowed(net), policy, (None, None)) }
     }
 
     /// Counts a use in the state `x` under the input `u` with the parameters `p` of the model; an
@@ -61,9 +70,9 @@ impl<'n> Guard<'n> {
             if self.policy == OutsidePolicy::Refuse {
                 return Err(RunError::Failed(format!(
                     "the net would be used outside its training domain: {name} is {} \
-                     beyond {low} to {high}; train on a larger [domain], or continue with \
-                     outside_domain = \"report\" (`pinc predict`: --outside-domain report)",
-                    significant(excess)
+                     beyond {low} to {high}; train on a larger [domain], or continue with {}",
+                    significant(excess),
+                    self.report
                 )));
             }
             outside = true;

@@ -9,7 +9,6 @@ use pinc_config::{Experiment, OutsidePolicy};
 use pinc_net::{PincNet, TrainingTarget};
 use pinc_record::columns::{finite, not_finite, not_later, optional, places, rows, too_far};
 use pinc_record::{CsvText, OutsideDomain, is_same_file, number, read_file, write_output};
-use std::borrow::Cow;
 use std::collections::HashMap;
 use std::path::Path;
 
@@ -53,7 +52,7 @@ pub fn predict(
     };
     let mut errors = judged.map(|experiment| ChainedError::new(experiment, &net)).transpose()?;
     let text = read_file(inputs)?;
-    let mut guard = Guard::new(Cow::Borrowed(&net), policy, (None, None));
+    let mut guard = Guard::of_command(&net, policy);
     let table = run(&net, inputs, &text, (&mut guard, errors.as_mut()))?;
     write_output(output, table.as_bytes())?;
     Ok(guard.found())

@@ -41,12 +41,14 @@ fn a_loop_outside_the_domain_is_ended_where_that_is_asked_for() {
     let dir = tempfile::tempdir().unwrap();
     let outcome = run(dir.path(), &["--set", "control.outside_domain=\"refuse\""]);
     assert_eq!(outcome.code, Some(1), "{outcome:?}");
-    for part in ["error: ", "x1", "[domain]", "outside_domain = \"report\""] {
+    for part in ["error: ", "x1", "[domain]", "with control.outside_domain = \"report\""] {
         assert!(outcome.stderr.contains(part), "no `{part}` in {outcome:?}");
     }
-    // The net is trained and kept; no loop is called done.
+    // The net is trained and kept; its loop is not called done, and that of RK4 is run.
     assert!(dir.path().join("run/model.safetensors").exists());
     let metrics = std::fs::read(dir.path().join("run/metrics.json")).unwrap();
     let metrics: serde_json::Value = serde_json::from_slice(&metrics).unwrap();
-    assert!(metrics["control"].as_array().is_none_or(Vec::is_empty), "{metrics}");
+    let loops = metrics["control"].as_array().unwrap();
+    let [rk4] = &loops[..] else { panic!("{metrics}") };
+    assert_eq!(rk4["model"], "rk4", "{metrics}");
 }
