@@ -16,9 +16,9 @@ pub(crate) struct Data {
 }
 
 /// Reads measurements for steps of `sample_time_s`. A file with a column `scenario` is one of
-/// trajectories, with the columns of `pinc predict`; one with a column `y_<state>` is one
-/// trajectory, with the columns of `pinc identify`; any other is one of steps, with the columns t,
-/// the inputs, `<state>_0` of the states at t = 0, and the states at t.
+/// trajectories, with the columns of `pinc predict`; one with columns `<state>_0`, the states at t = 0,
+/// is one of steps, with t, the inputs, and the states at t beside them. Any other is one trajectory,
+/// whose states are called `y_<state>` as for `pinc identify`, or by their names.
 ///
 /// # Errors
 ///
@@ -54,12 +54,19 @@ fn parse(
     to: &mut Measurements,
 ) -> Result<(), At> {
     let (header, rows) = rows(text)?;
-    if header.iter().any(|column| column == "scenario") {
-        trajectories(variables, (sample_time_s, true), &header, rows, to)
-    } else if header.iter().any(|column| column.starts_with("y_")) {
-        trajectories(variables, (sample_time_s, false), &header, rows, to)
-    } else {
+    let states = variables.state_names();
+    let has = |column: &str| header.iter().any(|found| found == column);
+    // A state may itself be called `y_b` or `b_0`.
+    let has_any = |name: fn(&String) -> String| {
+        states.iter().map(name).any(|column| has(&column) && !states.contains(&column))
+    };
+    if has("scenario") {
+        trajectories(variables, (sample_time_s, true, ""), &header, rows, to)
+    } else if has_any(|state| format!("{state}_0")) {
         steps(variables, sample_time_s, &header, rows, to)
+    } else {
+        let prefix = if has_any(|state| format!("y_{state}")) { "y_" } else { "" };
+        trajectories(variables, (sample_time_s, false, prefix), &header, rows, to)
     }
 }
 
@@ -94,11 +101,11 @@ fn steps(
     Ok(())
 }
 
-/// Trajectories, by the names in a column `scenario`; or a single one without that column, whose
-/// states are `y_<state>`.
+/// Trajectories, by the names in a column `scenario`, or a single one without that column; the columns of
+/// the states have `prefix` before their names.
 fn trajectories(
     variables: &Variables,
-    (sample_time_s, named): (f64, bool),
+    (sample_time_s, named, prefix): (f64, bool, &str),
     header: &StringRecord,
     rows: impl Iterator<Item = Row>,
     to: &mut Measurements,
@@ -106,7 +113,6 @@ fn trajectories(
     let (inputs, states) = (variables.input_names(), variables.state_names());
     let fixed = ["scenario".to_owned(), "t".to_owned()];
     let fixed = if named { &fixed[..] } else { &fixed[1..] };
-    let prefix = if named { "" } else { "y_" };
     let measured: Vec<_> = states.iter().map(|name| format!("{prefix}{name}")).collect();
     let names = [fixed, &inputs, &measured].concat();
     let places = places(header, &names).map_err(|problem| (1, problem))?;

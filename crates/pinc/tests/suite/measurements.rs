@@ -53,6 +53,37 @@ fn both_kinds_of_file_enter_loss_record_and_metrics() {
     }
 }
 
+/// Names of states that look like the columns of another form.
+#[test]
+fn the_form_of_a_file_is_told_from_its_columns_whatever_the_states_are_called() {
+    let plant = "[plant.expression]\nstates = [\"y\", \"y_b\"]\ninputs = [\"u\"]\n\
+                 derivatives = { y = \"y_b\", y_b = \"(1 - y^2) * y_b - y + u\" }\n";
+    let renamed = |text: &str| text.replace("x1", "y").replace("x2", "y_b");
+    let config = renamed(&smoke()).replace("[plant]\nvan-der-pol = { mu = 1.0 }\n", plant);
+    assert!(config.contains("[plant.expression]"), "{config}");
+    let measured = |text: &str| {
+        let dir = tempfile::tempdir().unwrap();
+        std::fs::write(dir.path().join("m.csv"), text).unwrap();
+        std::fs::write(dir.path().join("trained.csv"), renamed(STEPS)).unwrap();
+        let data = "[data]\nfiles = [\"trained.csv\"]\nheld_out = [\"m.csv\"]\n\n[training]";
+        std::fs::write(dir.path().join("c.toml"), config.replace("[training]", data)).unwrap();
+        let set = "training.phases.0.iterations=5";
+        let arguments = ["train", "c.toml", "--out", "run", "--set", set];
+        let outcome = outcome(pinc(&arguments).current_dir(dir.path()));
+        assert_eq!(outcome.code, Some(0), "{outcome:?}");
+        let metrics = std::fs::read(dir.path().join("run/metrics.json")).unwrap();
+        let metrics: serde_json::Value = serde_json::from_slice(&metrics).unwrap();
+        metrics["validation"]["measured_mse"].as_f64().unwrap()
+    };
+    assert!(measured(&renamed(STEPS)) > 0.0);
+    let rows = "0,0.5,1,0\n0.25,0.5,0.95,\n0.5,0.5,0.8,-0.5\n";
+    let one = measured(&format!("t,u,y,y_b\n{rows}"));
+    assert!(one > 0.0);
+    assert_eq!(measured(&format!("t,u,y_y,y_y_b\n{rows}")), one);
+    let named = rows.lines().map(|row| format!("a,{row}\n")).collect::<String>();
+    assert_eq!(measured(&format!("scenario,t,u,y,y_b\n{named}")), one);
+}
+
 #[test]
 fn bad_files_are_refused_with_line_and_column() {
     refused(
