@@ -85,3 +85,4 @@ pub use uncertainty::{
     UncertaintySpec, WorstCase,
 };
 pub use validate::limits::{HORIZON as MOST_N2, STEPS as MOST_STEPS, THREADS as MOST_THREADS};
+pub use validate::repeated_file;

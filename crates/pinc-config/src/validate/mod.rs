@@ -28,6 +28,7 @@ use pinc_expr::ExpressionError;
 use pinc_net::{Ansatz, NetError, ResidualScale, Scenario, TrainingTarget, ValidationConfig};
 use pinc_ode::Dims;
 use pinc_toml::nearest;
+use std::path::PathBuf;
 use values::{
     CONTROLLED, at_least_one, bounds, each, length, named_tolerances, positive, present, tolerance,
     value, whole_steps,
@@ -318,13 +319,23 @@ fn training_choices(spec: &TrainingSpec, dims: Dims) -> Checked {
     config.validate().map_err(|error| net_finding("training", &error))
 }
 
+/// The first of `files` that is among `others` or the files before it.
+pub fn repeated_file(others: &[PathBuf], files: &[PathBuf]) -> Option<usize> {
+    (0..files.len()).find(|&i| others.contains(&files[i]) || files[..i].contains(&files[i]))
+}
+
 fn measurements(spec: &DataSpec) -> Checked {
     if spec.files.is_empty() {
         return value("data.files", "[]", "at least one CSV file");
     }
-    if let Some(i) = spec.held_out.iter().position(|file| spec.files.contains(file)) {
+    if let Some(i) = repeated_file(&[], &spec.files) {
+        let file = spec.files[i].display().to_string();
+        return value(&format!("data.files[{i}]"), file, "each file once");
+    }
+    if let Some(i) = repeated_file(&spec.files, &spec.held_out) {
         let file = spec.held_out[i].display().to_string();
-        return value(&format!("data.held_out[{i}]"), file, "a file that is not in data.files");
+        let expected = "a file that is not in data.files, and each once";
+        return value(&format!("data.held_out[{i}]"), file, expected);
     }
     positive("data.weight", spec.weight)
 }

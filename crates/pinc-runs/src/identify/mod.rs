@@ -7,7 +7,7 @@ use crate::horizon::outputs;
 use crate::invocation::invocation;
 use pinc_config::{
     Experiment, IdentifiedNet, IdentifiedParameter, IdentifyCriterion, IdentifySpec, ModelKind,
-    PlantSpec, Variables,
+    PlantSpec, Variables, repeated_file,
 };
 use pinc_identify::{
     Channel, Criterion, Estimate, Identified, IdentifyError, InitialState, Prior, Problem,
@@ -61,6 +61,12 @@ pub fn identify(
     let (name, command) = (&experiment.name, "identify");
     let missing = || RunError::missing_section(experiment, "identify", command);
     let spec = experiment.identify.as_ref().ok_or_else(missing)?;
+    for files in [data, held_out] {
+        if let Some(i) = repeated_file(&[], files) {
+            let problem = "given twice; expected each file once";
+            return Err(RunError::usage(files[i].display(), problem));
+        }
+    }
     let net = model.map(|path| super::read_matching_model(experiment, path)).transpose()?;
     let net = net.map(|(_, net)| net);
     let kind = match (only, &net) {

@@ -290,6 +290,10 @@ fn bad_data_are_answered_in_words() {
     let found = identify(&good, &[]);
     assert_eq!(found.code, Some(0), "{found:?}");
     assert!(!found.stdout.contains("note:"), "{found:?}");
+    // Files given twice.
+    let (data, out) = (text(&path), text(&dir.path().join("twice")));
+    let arguments = ["identify", &config, "--data", &data, &data, "--out", &out];
+    outcome(&mut pinc(&arguments)).assert_refused(&["data.csv: given twice"]);
     // Only a product counts.
     let pair = "identify.parameters=[{ name = \"k\", initial = 3.0 }, { name = \"gamma\", initial = 0.5 }]";
     let found = identify(&good, &[pair]);

@@ -136,6 +136,7 @@ fn bad_sections_are_refused() {
     let refused = |data: &str, parts: &[&str]| train(dir.path(), &[], data).assert_refused(parts);
     refused("files = []", &["`data.files`: [] given, expected at least one CSV file"]);
     refused("files = [\"m.csv\"]\nweight = -1.0", &["`data.weight`: -1 given"]);
+    refused("files = [\"m.csv\", \"m.csv\"]", &["`data.files[1]`: m.csv given, expected each"]);
     refused("files = [\"none.csv\"]", &["none.csv: cannot be read"]);
     refused(
         "files = [\"a.csv\", \"m.csv\"]\nheld_out = [\"m.csv\"]",
