@@ -29,6 +29,7 @@ mod proven;
 mod references;
 mod region;
 mod rehearsal;
+mod saturation;
 mod soundness;
 mod stability;
 mod substeps;
@@ -70,7 +71,7 @@ const fn on(topic: &'static str, examine: fn(&Subject<'_>) -> Vec<Finding>) -> E
 }
 
 /// All of them, in the order of their findings.
-const EXAMINATIONS: [Examination; 20] = [
+const EXAMINATIONS: [Examination; 21] = [
     on("dimensions", dimensions),
     on("values and derivatives", derivatives::examine),
     on("algebraic variables", algebraic::examine),
@@ -83,6 +84,7 @@ const EXAMINATIONS: [Examination; 20] = [
     on("the plant of the loop", loop_plant::examine),
     on("the estimator", estimation::examine),
     on("bounds", bounds::examine),
+    on("saturated inputs", saturation::examine),
     on("the tube", tube::examine),
     on("the closed loop", rehearsal::examine),
     on("where trajectories go", excursions::examine),

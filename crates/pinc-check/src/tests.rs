@@ -67,6 +67,21 @@ fn only<'a>(findings: &'a [Finding], words: &str) -> (Severity, &'a str) {
     (found.severity, &found.change)
 }
 
+/// The actuator's limits belong to the bounds.
+#[test]
+fn an_input_that_the_equation_saturates_is_to_be_bounded_there() {
+    let bounds = ["control.input_low=[-1.0]", "control.input_high=[2.0]"];
+    let saturated = findings(["x2", "max(-0.5, min(0.75, u)) - x2"], &bounds);
+    let (severity, change) = only(&saturated, "u has no effect above 0.75");
+    assert_eq!((severity, change), (Warning, "0.75 as this bound of u"));
+    assert_eq!(only(&saturated, "u has no effect below -0.5").0, Warning);
+    // A valve that opens with the level still has an effect somewhere.
+    let with_level = findings(["x2", "min(x1, u) - x2"], &bounds);
+    for free in [with_level, findings(["x2", "u - x2"], &bounds)] {
+        assert!(free.iter().all(|of| !of.what.contains("no effect")), "{free:#?}");
+    }
+}
+
 /// x2 = (1 - s) / (1 + s)^2 u has a zero at 1/s, and goes the wrong way for about 1 s: a horizon of
 /// twice that is long enough.
 #[test]

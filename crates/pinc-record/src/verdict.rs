@@ -207,7 +207,7 @@ pub fn advice(status: &str) -> &'static str {
          where the loop goes; leave control.sqp.qp at \"auto\"."
     } else if is(SqpStatus::Stalled) {
         "The plans are as good as rounding or a kink of the model allows: raise control.sqp.tolerance, \
-         or give an integrator more substeps."
+         give an integrator more substeps, or bound an input where the equation saturates it."
     } else {
         "steps.csv lists them."
     }
