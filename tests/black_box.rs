@@ -38,10 +38,11 @@ fn main() -> ExitCode {
     ExitCode::SUCCESS
 }
 
-const TESTS: [(&str, fn()); 7] = [
+const TESTS: [(&str, fn()); 8] = [
     ("it_starts_only_where_it_is_allowed", it_starts_only_where_it_is_allowed),
     ("many_requests_are_answered_in_order", many_requests_are_answered_in_order),
     ("what_is_no_answer_is_explained", what_is_no_answer_is_explained),
+    ("wrong_answers_to_the_controller_end_the_run", wrong_answers_to_the_controller_end_the_run),
     ("an_exported_plant_is_a_plant", an_exported_plant_is_a_plant),
     ("outputs_of_an_fmu_are_controlled", outputs_of_an_fmu_are_controlled),
     ("it_is_distilled_and_controlled_like_its_equation", it_is_distilled_and_controlled),
@@ -64,6 +65,7 @@ fn be_the_plant(kind: &str) {
             "short" => json!({ "x": [1.0] }),
             "fails" if x[0] > 2.0 => json!({ "error": "x1 is beyond 2" }),
             "ends" if number == 2 => return,
+            "miscounts" if number >= 60 => json!({ "x": next, "id": 0 }),
             // Until it is ended.
             "hangs" if number == 2 => loop {
                 std::thread::park();
@@ -228,6 +230,15 @@ fn without_net(text: &str) -> String {
     let (head, rest) = text.split_once("[training]").unwrap();
     let (_, control) = rest.split_once("[control]").unwrap();
     format!("{head}[control]{control}").replace("\"pinc\", ", "")
+}
+
+/// Not only those to the loop, whose plant takes but one step at a time.
+fn wrong_answers_to_the_controller_end_the_run() {
+    let text = without_net(&as_process("miscounts"));
+    let experiment = Experiment::parse(Path::new("b.toml"), &text, &[], &allowed()).unwrap();
+    let dir = tempfile::tempdir().unwrap();
+    let error = run(&experiment, dir.path(), &quietly(&AtomicBool::new(false))).unwrap_err();
+    assert!(error.to_string().contains("answered request 0 when"), "{error}");
 }
 
 /// The IAE of the loop with the one model of a config.

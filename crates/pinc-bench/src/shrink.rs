@@ -111,7 +111,12 @@ pub fn shrink(
         pinc_runs::export_controller_with(experiment, (model, only), to, into, |of, nmpc, name| {
             Ok(pinc_shrink::policy_to_c(&shrunk.policy, nmpc, of, name)?.into())
         });
-    let c = exported.map_err(|error| error.to_string());
+    let c = match exported {
+        Ok(files) => Ok(files),
+        // A full disk is not the controller's fault.
+        Err(error @ RunError::Record(_)) => return Err(error),
+        Err(refused) => Err(refused.to_string()),
+    };
     let file = PolicyFile::new(&controller, shrunk.policy.net().clone());
     run_dir.write(POLICY, file.to_string().as_bytes())?;
     run_dir.write(TABLE, table(&shrunk.judgement).as_bytes())?;

@@ -1,6 +1,6 @@
 //! A plant as a process: states and inputs on its standard input, states on its standard output.
 
-use crate::pool::{Pool, external};
+use crate::pool::{Failure, Pool, broken, external};
 use pinc_ode::{Dims, Flow, OdeError};
 use serde::{Deserialize, Serialize};
 use std::io::{BufRead, BufReader, Read, Write};
@@ -21,7 +21,8 @@ const READ_AHEAD: usize = 256;
 /// ended when an answer takes longer than the time limit.
 ///
 /// An answer's `id`, if given, is its request's. A program may leave the `id` out; lines that
-/// nobody asked for are then found once they are read before the next request is written.
+/// nobody asked for are then found once they are read before the next request is written. After any
+/// other answer, or none, nothing is asked any more.
 #[derive(Debug)]
 pub struct Process {
     dims: Dims,
@@ -70,9 +71,9 @@ impl Process {
         Self { dims, command, time_limit, copies: Pool::new() }
     }
 
-    fn start(&self) -> Result<Copy, OdeError> {
+    fn start(&self) -> Result<Copy, Failure> {
         let (program, arguments) =
-            self.command.split_first().ok_or_else(|| external("no program is named"))?;
+            self.command.split_first().ok_or_else(|| broken("no program is named"))?;
         let mut command = Command::new(program);
         command.args(arguments).stdin(Stdio::piped()).stdout(Stdio::piped());
         // Ctrl-C asks this program to come to an end in good order, for which it needs the other.
@@ -80,26 +81,26 @@ impl Process {
         std::os::unix::process::CommandExt::process_group(&mut command, 0);
         let started = command.spawn();
         let mut child =
-            started.map_err(|error| external(format!("{program} cannot be started: {error}")))?;
+            started.map_err(|error| broken(format!("{program} cannot be started: {error}")))?;
         let (Some(input), Some(output)) = (child.stdin.take(), child.stdout.take()) else {
-            return Err(external(format!("{program} has no standard input or output")));
+            return Err(broken(format!("{program} has no standard input or output")));
         };
         let (requests, answers) = (writer(input), lines(output, self.dims.nx));
         Ok(Copy { child, requests, answers, answered: 0 })
     }
 
     /// Asks for all of the states at once, and reads the answers while the requests are written.
-    fn exchange(&self, copy: &mut Copy, x: &mut [f64], u: &[f64], t: f64) -> Result<(), OdeError> {
+    fn exchange(&self, copy: &mut Copy, x: &mut [f64], u: &[f64], t: f64) -> Result<(), Failure> {
         if let Ok(line) = copy.answers.try_recv() {
             let (name, found) = (self.name(), beginning(&line));
             let what = format!("{name} wrote {found:?} without a request: {ANSWERS_ONLY}");
-            return Err(external(what));
+            return Err(broken(what));
         }
         let Dims { nx, nu, .. } = self.dims;
         let mut requests = Vec::new();
         for ((x, u), id) in x.chunks_exact(nx).zip(u.chunks_exact(nu)).zip(copy.answered + 1..) {
             let written = serde_json::to_writer(&mut requests, &Request { x, u, t, id });
-            written.map_err(|error| external(error.to_string()))?;
+            written.map_err(|error| broken(error.to_string()))?;
             requests.push(b'\n');
         }
         // The thread is gone if an earlier request could not be written.
@@ -108,7 +109,7 @@ impl Process {
     }
 
     /// Reads one answer.
-    fn read(&self, copy: &mut Copy, x: &mut [f64]) -> Result<(), OdeError> {
+    fn read(&self, copy: &mut Copy, x: &mut [f64]) -> Result<(), Failure> {
         let answer = match copy.answers.recv_timeout(self.time_limit) {
             Ok(answer) => answer,
             Err(RecvTimeoutError::Disconnected) => return Err(self.ended(copy)),
@@ -116,14 +117,14 @@ impl Process {
                 let limit = self.time_limit.as_secs_f64();
                 let name = self.name();
                 let what = format!("{name} did not answer within {limit} s (time_limit_s)");
-                return Err(external(what));
+                return Err(broken(what));
             }
         };
         copy.answered += 1;
         let asked = copy.answered;
         let expected = || {
             let n = x.len();
-            external(format!(
+            broken(format!(
                 "{} answered {:?}, expected one line {{\"x\":[..]}} with {n} numbers, or \
                 {{\"error\":\"..\"}}",
                 self.name(),
@@ -131,7 +132,7 @@ impl Process {
             ))
         };
         match serde_json::from_slice(&answer) {
-            Ok(Answer { id: Some(id), .. }) if id != asked => Err(external(format!(
+            Ok(Answer { id: Some(id), .. }) if id != asked => Err(broken(format!(
                 "{} answered request {id} when the answer to request {asked} was due: \
                 {ANSWERS_ONLY}",
                 self.name()
@@ -140,7 +141,9 @@ impl Process {
                 x.copy_from_slice(&next);
                 Ok(())
             }
-            Ok(Answer { x: None, error: Some(error), .. }) => Err(external(error)),
+            Ok(Answer { x: None, error: Some(error), .. }) => {
+                Err(Failure::Unanswerable(external(error)))
+            }
             _ => Err(expected()),
         }
     }
@@ -150,10 +153,10 @@ impl Process {
     }
 
     /// Why there is no answer.
-    fn ended(&self, copy: &mut Copy) -> OdeError {
+    fn ended(&self, copy: &mut Copy) -> Failure {
         let status = copy.child.try_wait().ok().flatten();
         let status = status.map_or_else(String::new, |status| format!(" ({status})"));
-        external(format!("{} ended without an answer{status}", self.name()))
+        broken(format!("{} ended without an answer{status}", self.name()))
     }
 }
 

@@ -11,13 +11,13 @@ mod worker;
 
 pub use description::FmuKind;
 
-use crate::pool::{Pool, external};
+use crate::pool::{Failure, Pool, broken};
 use pinc_ode::{Flow, Linearization, OdeError, Stages};
 use simulation::Simulation;
 use std::fmt;
 use std::fs;
 use std::path::Path;
-use std::sync::{Arc, OnceLock};
+use std::sync::Arc;
 use std::time::Duration;
 use unpacked::Unpacked;
 use worker::{Job, Wanted, Worker};
@@ -89,8 +89,6 @@ pub struct Fmu {
     copies: Pool<Worker>,
     simulation: Arc<Simulation>,
     time_limit: Duration,
-    /// The error of the step that took too long, if one did.
-    hung: OnceLock<OdeError>,
     _unpacked: Unpacked,
 }
 
@@ -109,23 +107,18 @@ impl Fmu {
             copies: Pool::new(),
             simulation: Arc::new(Simulation::new(unpacked.path(), plant)?),
             time_limit: plant.time_limit,
-            hung: OnceLock::new(),
             _unpacked: unpacked,
         })
     }
 
     /// Lets an instance do `job`.
     fn ask(&self, job: Job) -> Result<Vec<f64>, OdeError> {
-        if let Some(error) = self.hung.get() {
-            return Err(error.clone());
-        }
         let start = || Ok(Worker::start(&self.simulation));
         self.copies.with(start, |worker| match worker.ask(job, self.time_limit) {
-            Some(result) => result,
+            Some(result) => result.map_err(Failure::Unanswerable),
             None => {
                 let limit = self.time_limit.as_secs_f64();
-                let what = format!("the FMU did not end a step within {limit} s (time_limit_s)");
-                Err(self.hung.get_or_init(|| external(what)).clone())
+                Err(broken(format!("the FMU did not end a step within {limit} s (time_limit_s)")))
             }
         })
     }

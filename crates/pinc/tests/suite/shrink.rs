@@ -61,6 +61,14 @@ fn the_table_and_the_summary_have_the_numbers_of_each_driver() {
     other.assert_refused(&["another config"]);
     assert_eq!(fs::read_to_string(out.join("shrink.csv")).unwrap(), table);
     the_loop_of_the_net_is_beside_the_controllers(dir.path(), &out.join("policy.json"));
+    // A file that cannot be written is an error, and no property of the controller.
+    fs::remove_file(out.join("smoke_van_der_pol_mpc.c")).unwrap();
+    fs::create_dir(out.join("smoke_van_der_pol_mpc.c")).unwrap();
+    let mut command = pinc(&["shrink", "--only", "rk4"]);
+    command.args(sizes).arg("--out").arg(&out);
+    let said = outcome(command.arg(repository("configs/smoke/van-der-pol.toml")));
+    assert_eq!(said.code, Some(2), "{said:?}");
+    assert!(said.stderr.contains("smoke_van_der_pol_mpc.c: cannot be written"), "{said:?}");
 }
 
 /// `pinc control` runs it by the name "policy", with the model that it was trained with.
