@@ -1,5 +1,7 @@
 //! The steady state nearest to a reference that cannot be held otherwise.
 
+use faer::Mat;
+use faer::linalg::solvers::Solve;
 use pinc_mpc::{
     Bounds, MpcError, Nmpc, NmpcProblem, SqpConfig, SqpStatus, Tracked, Weight, Weights,
 };
@@ -9,8 +11,13 @@ use pinc_ode::{Dims, Linearization, LinearizationBuffer, Model, OutputLinearizat
 /// open.
 const INPUTS: f64 = 1e-3;
 
-/// The weight of the change from the last steady state, in parts of the largest weight.
+/// The weight of the change from the last steady state, in parts of the largest weight, where both are
+/// taken in the sizes of the variables.
 const CHANGE: f64 = 1e-6;
+
+/// The part of a state that is taken off in each step where sizes of states are looked for, so that those
+/// that integrate have one.
+const LEAK: f64 = 0.01;
 
 /// How often what is missed is added to what is asked for: each time the inputs' pull on the states
 /// and outputs loses a factor of about [`INPUTS`] (the method of multipliers).
@@ -27,6 +34,8 @@ const ROUNDS: usize = 4;
 pub struct SteadyTarget {
     nmpc: Nmpc,
     tracked: Vec<Place>,
+    /// Of what is tracked: the units of `sought`.
+    sizes: Vec<f64>,
     origin: Vec<f64>,
     asked: Vec<f64>,
     /// What is asked for with what was missed added.
@@ -48,7 +57,8 @@ impl SteadyTarget {
         x: &[f64],
         u: &[f64],
     ) -> Result<Self, MpcError> {
-        let model = SteadyModel::new(model);
+        let mut model = SteadyModel::new(model);
+        model.choose_sizes(problem, [x, u]);
         let (dims, inner) = (model.dims(), model.inner.dims());
         let place = |tracked: &Tracked| match *tracked {
             Tracked::State(i) => Place::State(i),
@@ -56,31 +66,36 @@ impl SteadyTarget {
             Tracked::Input(i) => Place::Input(inner.nx + i),
         };
         let tracked: Vec<_> = problem.tracked.iter().map(place).collect();
-        let q = weights(problem.weights.q.at(0), &problem.tracked);
-        let largest = (0..q.len()).fold(0.0_f64, |most, i| most.max(q[i][i]));
+        let sizes: Vec<f64> = tracked.iter().map(|place| model.size(place)).collect();
+        let q = weights(problem.weights.q.at(0), &problem.tracked, &sizes);
         let rest = Bounds::new(vec![0.0; inner.nx], vec![0.0; inner.nx]);
         let free = Bounds::none(inner.ny);
-        let first = |bounds: &Bounds, count: usize| {
-            Bounds::new(bounds.low[..count].to_vec(), bounds.high[..count].to_vec())
+        let in_sizes = |bounds: &Bounds, sizes: &[f64]| {
+            let parts = |of: &[f64]| of.iter().zip(sizes).map(|(end, size)| end / size).collect();
+            Bounds::new(parts(&bounds.low), parts(&bounds.high))
         };
-        let outputs = problem.output_bounds.as_ref().map(|bounds| first(bounds, inner.ny));
-        let r = vec![CHANGE * largest.max(f64::MIN_POSITIVE); dims.nu];
+        let (states, inputs) = model.columns.split_at(inner.nx);
+        let outputs = problem.output_bounds.as_ref();
+        let outputs = outputs.map(|bounds| in_sizes(bounds, &model.rows[inner.nx..]));
         let steady = NmpcProblem {
             tracked: tracked.iter().map(Place::tracked).collect(),
             state_bounds: chain(rest, outputs.unwrap_or(free)),
             input_bounds: chain(
-                first(&problem.state_bounds, inner.nx),
-                first(&problem.input_bounds, inner.nu),
+                in_sizes(&problem.state_bounds, states),
+                in_sizes(&problem.input_bounds, inputs),
             ),
             parameters: problem.parameters.clone(),
-            ..NmpcProblem::new(dims, 1, Weights::uniform(q, r))
+            ..NmpcProblem::new(dims, 1, Weights::uniform(q, vec![CHANGE; dims.nu]))
         };
+        let first: Vec<f64> =
+            x.iter().chain(u).zip(&model.columns).map(|(value, size)| value / size).collect();
         let mut nmpc = Nmpc::new(steady, Box::new(model), SqpConfig::default())?;
-        nmpc.reset_input(&[x, u].concat())?;
+        nmpc.reset_input(&first)?;
         let numbers = vec![f64::NAN; tracked.len()];
         Ok(Self {
             nmpc,
             tracked,
+            sizes,
             origin: vec![0.0; dims.nx],
             asked: numbers.clone(),
             sought: numbers.clone(),
@@ -107,8 +122,8 @@ impl SteadyTarget {
 
     /// Finds what can be held of the row that is asked for.
     fn hold(&mut self) {
-        let Self { nmpc, tracked, origin, asked, sought, held, status } = self;
-        sought.copy_from_slice(asked);
+        let Self { nmpc, tracked, sizes, origin, asked, sought, held, status } = self;
+        sought.iter_mut().zip(asked.iter().zip(&*sizes)).for_each(|(to, (r, size))| *to = r / size);
         for _ in 0..ROUNDS {
             *status = nmpc.step(origin, sought).ok().map(|step| step.status);
             if *status != Some(SqpStatus::Converged) {
@@ -117,12 +132,13 @@ impl SteadyTarget {
             }
             let plan = nmpc.plan();
             for (i, place) in tracked.iter().enumerate() {
-                held[i] = match *place {
+                let found = match *place {
                     Place::State(v) | Place::Input(v) => plan.inputs()[v],
                     Place::Output(y) => plan.states()[y],
                 };
+                held[i] = found * sizes[i];
                 if !matches!(place, Place::Input(_)) {
-                    sought[i] += asked[i] - held[i];
+                    sought[i] += asked[i] / sizes[i] - found;
                 }
             }
         }
@@ -161,15 +177,28 @@ impl Place {
     }
 }
 
-/// Q with what is tracked of inputs counting less.
-fn weights(q: &Weight, tracked: &[Tracked]) -> Vec<Vec<f64>> {
+/// Q of quantities in these sizes, with what is tracked of inputs counting less; the largest entry is 1.
+fn weights(q: &Weight, tracked: &[Tracked], sizes: &[f64]) -> Vec<Vec<f64>> {
     let part = |tracked: &Tracked| match tracked {
         Tracked::State(_) | Tracked::Output(_) => 1.0,
         Tracked::Input(_) => INPUTS.sqrt(),
     };
-    let parts: Vec<f64> = tracked.iter().map(part).collect();
-    let row = |i: usize| (0..parts.len()).map(|k| parts[i] * parts[k] * q.entry(i, k)).collect();
+    let parts: Vec<f64> = tracked.iter().map(part).zip(sizes).map(|(a, b)| a * b).collect();
+    let entry = |i: usize, k: usize| parts[i] * parts[k] * q.entry(i, k);
+    let largest = (0..parts.len()).fold(f64::MIN_POSITIVE, |most, i| most.max(entry(i, i)));
+    let row = |i: usize| (0..parts.len()).map(|k| entry(i, k) / largest).collect();
     (0..parts.len()).map(row).collect()
+}
+
+/// The size of a variable that changes by `change`, or not at all and is `value`.
+fn or_size(change: f64, value: f64) -> f64 {
+    let known = [change, value.abs()].into_iter().find(|size| size.is_normal());
+    known.unwrap_or(1.0)
+}
+
+/// A matrix that is stored row by row.
+fn matrix(m: &[f64], rows: usize, columns: usize) -> Mat<f64> {
+    Mat::from_fn(rows, columns, |i, j| m[i * columns + j])
 }
 
 fn chain(a: Bounds, b: Bounds) -> Bounds {
@@ -177,10 +206,14 @@ fn chain(a: Bounds, b: Bounds) -> Bounds {
 }
 
 /// A model whose input is a state and an input of another one, v = (x, u), and whose next state is
-/// how far that moves, with its outputs: (F(x, u, p) - x, h(x, u, p)).
+/// how far that moves, with its outputs: (F(x, u, p) - x, h(x, u, p)). Both are in parts of their sizes.
 #[derive(Debug)]
 struct SteadyModel {
     inner: Box<dyn Model>,
+    /// The sizes of the states and outputs.
+    rows: Vec<f64>,
+    /// The sizes of the states and inputs.
+    columns: Vec<f64>,
     x: Vec<f64>,
     u: Vec<f64>,
     moved: LinearizationBuffer,
@@ -194,6 +227,8 @@ impl SteadyModel {
     fn new(inner: Box<dyn Model>) -> Self {
         let Dims { nx, nu, np, ny, .. } = inner.dims();
         Self {
+            rows: vec![1.0; nx + ny],
+            columns: vec![1.0; nx + nu],
             x: vec![0.0; nx],
             u: vec![0.0; nu],
             moved: LinearizationBuffer::new(inner.dims(), 1),
@@ -205,36 +240,73 @@ impl SteadyModel {
         }
     }
 
+    /// Takes for sizes by how much inputs go over their ranges, and states and outputs change at steady
+    /// states with each of them, to first order at the state `x` and the input `u`: dx = A dx + B du,
+    /// dy = C dx + D du.
+    fn choose_sizes(&mut self, problem: &NmpcProblem, [x, u]: [&[f64]; 2]) {
+        let Self { inner, moved, y, c, d, e, .. } = self;
+        let Dims { nx, nu, ny, .. } = inner.dims();
+        let Bounds { low, high } = &problem.input_bounds;
+        let range = |i: usize| Some(high[i] - low[i]).filter(|range| range.is_finite());
+        let inputs: Vec<f64> = (0..nu).map(|i| or_size(range(i).unwrap_or(0.0), u[i])).collect();
+        let point = Stages { x, u, p: &problem.parameters };
+        inner.linearize(point, moved.as_mut());
+        inner.linearize_output(point, OutputLinearization { y, c, d, e });
+        let [a, b] = [(&moved.a, nx), (&moved.b, nu)].map(|(m, columns)| matrix(m, nx, columns));
+        let du = Mat::from_fn(nu, nu, |i, j| if i == j { inputs[i] } else { 0.0 });
+        let kept = Mat::from_fn(nx, nx, |i, j| if i == j { 1.0 + LEAK } else { 0.0 });
+        let dx = (kept - a).partial_piv_lu().solve(b * &du);
+        let dy = matrix(c, ny, nx) * &dx + matrix(d, ny, nu) * du;
+        let change = |by: &Mat<f64>, i: usize| by.row(i).iter().map(|by| by.abs()).sum::<f64>();
+        let states: Vec<f64> = (0..nx).map(|i| or_size(change(&dx, i), x[i])).collect();
+        let outputs: Vec<f64> = (0..ny).map(|i| or_size(change(&dy, i), y[i])).collect();
+        self.rows = [&states[..], &outputs].concat();
+        self.columns = [states, inputs].concat();
+    }
+
+    fn size(&self, place: &Place) -> f64 {
+        match *place {
+            Place::State(v) | Place::Input(v) => self.columns[v],
+            Place::Output(y) => self.rows[y],
+        }
+    }
+
+    /// Writes the state and the input at `v`.
+    fn place(&mut self, v: &[f64]) {
+        let values = self.x.iter_mut().chain(&mut self.u);
+        values.zip(v.iter().zip(&self.columns)).for_each(|(to, (v, size))| *to = v * size);
+    }
+
     /// One point.
     fn linearize_point(&mut self, at: Stages<'_>, out: Linearization<'_>) {
-        let Self { inner, x, u, moved, y, c, d, e } = self;
+        self.place(at.u);
+        let Self { inner, rows, columns, x, u, moved, y, c, d, e } = self;
         let Dims { nx, nu, np, .. } = inner.dims();
-        x.copy_from_slice(&at.u[..nx]);
-        u.copy_from_slice(&at.u[nx..]);
         let point = Stages { x, u, p: at.p };
         inner.linearize(point, moved.as_mut());
         inner.linearize_output(point, OutputLinearization { y, c, d, e });
         let wide = nx + nu;
         let Linearization { next, a, b, e: by_p } = out;
         a.fill(0.0);
-        for i in 0..nx {
-            next[i] = moved.next[i] - x[i];
-        }
-        next[nx..].copy_from_slice(y);
+        let values =
+            moved.next.iter().zip(x.iter()).map(|(moved, x)| moved - x).chain(y.iter().copied());
+        next.iter_mut().zip(values.zip(rows.iter())).for_each(|(to, (v, size))| *to = v / *size);
         for (by_x, by_u, first) in [(&moved.a, &moved.b, 0), (&*c, &*d, nx)] {
-            let rows = by_x.chunks_exact(nx).zip(by_u.chunks_exact(nu)).enumerate();
-            for (i, (by_x, by_u)) in rows {
+            let all = by_x.chunks_exact(nx).zip(by_u.chunks_exact(nu)).enumerate();
+            for (i, (by_x, by_u)) in all {
                 let row = &mut b[(first + i) * wide..(first + i + 1) * wide];
                 row[..nx].copy_from_slice(by_x);
                 row[nx..].copy_from_slice(by_u);
                 if first == 0 {
                     row[i] -= 1.0;
                 }
+                let unit = rows[first + i];
+                row.iter_mut().zip(&*columns).for_each(|(entry, size)| *entry *= size / unit);
             }
         }
-        if !by_p.is_empty() {
-            by_p[..nx * np].copy_from_slice(&moved.e);
-            by_p[nx * np..].copy_from_slice(e);
+        let all = moved.e.chunks_exact(np.max(1)).chain(e.chunks_exact(np.max(1))).zip(rows);
+        for (to, (row, unit)) in by_p.chunks_exact_mut(np.max(1)).zip(all) {
+            to.iter_mut().zip(row).for_each(|(to, entry)| *to = entry / *unit);
         }
     }
 }
@@ -250,11 +322,13 @@ impl Model for SteadyModel {
     }
 
     fn step(&mut self, _: &[f64], v: &[f64], p: &[f64], next: &mut [f64]) {
-        let n = self.inner.dims().nx;
-        let ((x, u), (moved, y)) = (v.split_at(n), next.split_at_mut(n));
-        self.inner.step(x, u, p, moved);
-        moved.iter_mut().zip(x).for_each(|(moved, x)| *moved -= x);
-        self.inner.output(x, u, p, y);
+        self.place(v);
+        let Self { inner, rows, x, u, .. } = self;
+        let (moved, y) = next.split_at_mut(x.len());
+        inner.step(x, u, p, moved);
+        moved.iter_mut().zip(x.iter()).for_each(|(moved, x)| *moved -= x);
+        inner.output(x, u, p, y);
+        next.iter_mut().zip(rows).for_each(|(next, size)| *next /= *size);
     }
 
     fn linearize(&mut self, at: Stages<'_>, mut out: Linearization<'_>) {

@@ -97,6 +97,37 @@ impl Plant for Gauge {
     }
 }
 
+/// A buffer of a size that depends on its unit, and a lag behind it: c = p / unit = u at rest.
+#[derive(Clone, Debug)]
+struct Buffered {
+    unit: f64,
+}
+
+impl Plant for Buffered {
+    fn states(&self) -> &[Variable] {
+        static STATES: [Variable; 2] = [Variable::new("p", ""), Variable::new("c", "")];
+        &STATES
+    }
+    fn inputs(&self) -> &[Variable] {
+        Gauge.inputs()
+    }
+    #[inline(always)]
+    fn rhs<S: Scalar>(&self, x: &[S], u: &[S], _p: &[S], dx: &mut [S]) {
+        dx[0] = u[0] * self.unit - x[0];
+        dx[1] = x[0] * (1.0 / self.unit) - x[1];
+    }
+}
+
+/// A pressure in Pa beside a fraction, or the other way round.
+#[test]
+fn targets_do_not_depend_on_the_units_of_states() {
+    for unit in [1e-6, 1e-3, 1.0, 1e3, 1e6] {
+        let mut target = target_of(Buffered { unit }, vec![Tracked::State(1)]);
+        assert_near(&held(&mut target, 0.0, &[0.5]), &[0.5]);
+        assert_near(&held(&mut target, -0.25, &[2.0]), &[0.75]);
+    }
+}
+
 #[test]
 fn an_output_is_held_whatever_the_reference_of_the_input() {
     let mut target = target_of(Gauge, vec![Tracked::Output(0), Tracked::Input(0)]);
