@@ -96,11 +96,18 @@ impl Run {
         let mut residuals = ResidualTable::read(&dir.join(file::RESIDUALS))?;
         let rows = residuals.iter_mut().flat_map(|table| &mut table.rows);
         rows.for_each(|row| row.t *= second);
+        let provenance = Provenance::read(dir)?;
+        // A run that ended before its first checkpoint.
+        let trains = ["train", "run"].map(Some).contains(&command(provenance.as_ref()));
+        let never_trained = trains
+            && experiment.training.is_some()
+            && !metrics.as_ref().is_some_and(Metrics::has_results)
+            && !dir.join(file::MODEL).exists();
         Ok(Self {
             identification: IdentificationMetrics::read(dir)?,
             residuals,
-            is_unfinished: dir.join(file::CHECKPOINT).exists(),
-            provenance: Provenance::read(dir)?,
+            is_unfinished: dir.join(file::CHECKPOINT).exists() || never_trained,
+            provenance,
             training: read_fixed_table(&dir.join(file::TRAINING))?,
             domain_error: DomainErrorTable::read(&dir.join(file::DOMAIN_ERROR))?,
             model_error,
@@ -230,12 +237,16 @@ fn of_another_command(dir: &Path) -> Result<(), ReportError> {
         return Err(ReportError::NotOfARun { dir: owned(), command, place: dir.join(place) });
     }
     let provenance = Provenance::read(dir)?;
-    let began = provenance.as_ref().and_then(|of| of.begun.command.get(1));
-    let is_begun = |command: &str| began.is_some_and(|name| command.ends_with(&format!(" {name}")));
-    match OTHERS.into_iter().find(|(_, command, _)| is_begun(command)) {
+    let begun = command(provenance.as_ref());
+    match OTHERS.into_iter().find(|(_, command, _)| command.strip_prefix("pinc ") == begun) {
         Some((_, command, _)) => Err(ReportError::Unfinished { dir: owned(), command }),
         None => Ok(()),
     }
+}
+
+/// The name of the command that began a run.
+fn command(provenance: Option<&Provenance>) -> Option<&str> {
+    provenance?.begun.command.get(1).map(String::as_str)
 }
 
 fn step_s(experiment: &Experiment) -> Option<f64> {

@@ -436,6 +436,13 @@ fn an_unfinished_run_says_so() {
     for said in ["The training is not finished", "The closed loop has not run."] {
         assert!(html.contains(said), "no note: {said}");
     }
+    // Before its first checkpoint, it leaves nothing.
+    for file in ["checkpoint.bin", "metrics.json"] {
+        fs::remove_file(dir.path().join(file)).unwrap();
+    }
+    assert!(build(dir.path()).unwrap().contains("The training is not finished"));
+    write(&dir, "provenance.json", &PROVENANCE.replace("\"run\"", "\"control\""));
+    assert!(!build(dir.path()).unwrap().contains("The training is not finished"));
 }
 
 /// Each of these commands leaves a table or a report of its own, and a config.
