@@ -323,7 +323,8 @@ typedef struct {
     /** In x, PINC_NU rows of PINC_NX numbers; with a delay, in the state predicted for the time at
         which the input acts. */
     PINC_REAL by_state[PINC_NU * PINC_NX];
-    /** In the input applied before it, PINC_NU rows of PINC_NU numbers. */
+    /** In the input applied before it, PINC_NU rows of PINC_NU numbers; with a delay, the predicted
+        state does not move with it. */
     PINC_REAL by_applied[PINC_NU * PINC_NU];
     /** In the reference, PINC_NU rows of PINC_N2 rows of PINC_NY numbers. */
     PINC_REAL by_reference[PINC_NU * PINC_N2 * PINC_NY];

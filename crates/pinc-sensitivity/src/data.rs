@@ -9,7 +9,7 @@ use std::ops::Range;
 #[non_exhaustive]
 pub enum Given {
     /// The state in which the plan begins, `n`; with a delay, the state predicted for the time at
-    /// which the input acts.
+    /// which the input acts, which does not move with the other kinds.
     State,
     /// The reference, `[N2, tracked]`.
     Reference,

@@ -232,8 +232,9 @@ class Nmpc:
     ) -> PlanGradient:
         """The gradient of a function of the last plan in all that its problem is given, from the
         function's gradient in the planned inputs, ``(k, m)`` or its numbers row by row, and states;
-        what is missing counts as 0. ``smoothing`` is the barrier parameter of a smoothed plan, in
-        units of the cost."""
+        what is missing counts as 0. With a delay the plan begins in the state predicted for when the
+        input acts: ``state`` means that one, which is fixed for the other kinds. ``smoothing`` is the
+        barrier parameter of a smoothed plan, in units of the cost."""
     def sensitivity(
         self, change: Mapping[str, ArrayLike], smoothing: Optional[float] = None
     ) -> PlanChange:
