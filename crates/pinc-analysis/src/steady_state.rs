@@ -4,6 +4,7 @@ use crate::least_squares::{LeastSquares, minimize, squares};
 use crate::state_space::{jacobian, rhs};
 use crate::{OperatingPoint, Region};
 use faer::Mat;
+use faer::linalg::solvers::Solve;
 use pinc_ode::DynRhs;
 
 /// Starts of the search.
@@ -21,6 +22,12 @@ const AT_REST: f64 = 1e-8;
 /// Distance from a value to be held, in widths of the region, that still counts as held: values are
 /// given with some three digits.
 const HELD: f64 = 1e-3;
+
+/// A state that moves so many widths of the region has another unit.
+const WIDE: f64 = 100.0;
+
+/// So many widths from the region there is nothing but a state that integrates, by rounding.
+const FAR: f64 = 1e10;
 
 /// The result of a search with values to be held.
 #[derive(Clone, Debug, PartialEq)]
@@ -53,6 +60,8 @@ pub enum HeldPoint {
 pub struct SteadyStateSearch<'a> {
     plant: &'a dyn DynRhs,
     region: &'a Region,
+    /// The units of the variables.
+    widths: Vec<f64>,
     seed: u64,
     near: OperatingPoint,
 }
@@ -61,7 +70,8 @@ impl<'a> SteadyStateSearch<'a> {
     /// A search near the middle of `region`.
     #[must_use]
     pub fn new(plant: &'a dyn DynRhs, region: &'a Region, seed: u64) -> Self {
-        Self { plant, region, seed, near: region.centre() }
+        let widths = reach(plant, region).unwrap_or_else(|| region.widths());
+        Self { plant, region, widths, seed, near: region.centre() }
     }
 
     /// Searches near another point, for instance the state that a plant starts from.
@@ -166,44 +176,67 @@ impl<'a> SteadyStateSearch<'a> {
         ends: &(Vec<f64>, Vec<f64>),
         start: &OperatingPoint,
     ) -> Option<OperatingPoint> {
-        let widths = self.region.widths();
-        let scaled = |v: &[f64]| v.iter().zip(&widths).map(|(v, w)| v / w).collect::<Vec<_>>();
+        let widths = &self.widths;
+        let scaled = |v: &[f64]| v.iter().zip(widths).map(|(v, w)| v / w).collect::<Vec<_>>();
         let start = start.joined();
         let mut problem = Rest {
             plant: self.plant,
             region: self.region,
+            widths,
             held,
             low: scaled(&ends.0),
             high: scaled(&ends.1),
-            row_scale: row_scale(self.plant, self.region, &start, REST, REST),
+            row_scale: row_scale(self.plant, (self.region, widths), &start, REST, REST),
         };
         let mut v = minimize(&problem, &scaled(&start));
         // What is held was a wish; from here on rest alone counts.
         problem.held = &[];
-        problem.row_scale = row_scale(self.plant, self.region, &problem.unscaled(&v), 1.0, 1.0);
+        problem.row_scale =
+            row_scale(self.plant, (self.region, widths), &problem.unscaled(&v), 1.0, 1.0);
         v = minimize(&problem, &v);
         let point = problem.unscaled(&v);
         // A rate that depends on nothing is at rest only where it is 0.
         let constant = 1.0 / f64::EPSILON;
-        problem.row_scale = row_scale(self.plant, self.region, &point, 1.0, constant);
+        problem.row_scale = row_scale(self.plant, (self.region, widths), &point, 1.0, constant);
         let r = problem.residuals(&v);
         let rest = squares(&r).is_finite() && r.iter().all(|r| r.abs() <= AT_REST);
         rest.then(|| self.region.split(point))
     }
 }
 
+/// The widths of the region, or how far states move at rest while the inputs go over it, to first order in
+/// its middle, where that is much more: a state without bounds has a width that says nothing. `None` where that
+/// is not to be had.
+fn reach(plant: &dyn DynRhs, region: &Region) -> Option<Vec<f64>> {
+    let n = region.dims.nx;
+    let mut widths = region.widths();
+    let j = jacobian(plant, &region.centre());
+    let by_inputs = Mat::from_fn(n, j.ncols() - n, |i, k| j[(i, n + k)] * widths[n + k]);
+    let moved = j.subcols(0, n).to_owned().partial_piv_lu().solve(by_inputs);
+    for (width, row) in widths.iter_mut().zip(moved.row_iter()) {
+        let move_i: f64 = row.iter().map(|by| by.abs()).sum();
+        if !move_i.is_finite() || move_i > FAR * *width {
+            return None;
+        }
+        if move_i > WIDE * *width {
+            *width = move_i;
+        }
+    }
+    Some(widths)
+}
+
 /// Factors that turn the rate of each state into a distance: over how many widths the variables
 /// would have to move to change it by as much; `constant` for a rate that depends on nothing there.
 fn row_scale(
     plant: &dyn DynRhs,
-    region: &Region,
+    (region, widths): (&Region, &[f64]),
     at: &[f64],
     weight: f64,
     constant: f64,
 ) -> Vec<f64> {
     let j = jacobian(plant, &region.split(Vec::from(at)));
     let row = |i: usize| {
-        let terms = (0..j.ncols()).map(|k| (j[(i, k)] * region.width(k)).powi(2));
+        let terms = (0..j.ncols()).map(|k| (j[(i, k)] * widths[k]).powi(2));
         let length = terms.sum::<f64>().sqrt();
         if length > 0.0 && length.is_finite() { weight / length } else { constant }
     };
@@ -214,6 +247,7 @@ fn row_scale(
 struct Rest<'a> {
     plant: &'a dyn DynRhs,
     region: &'a Region,
+    widths: &'a [f64],
     held: &'a [(usize, f64)],
     low: Vec<f64>,
     high: Vec<f64>,
@@ -222,7 +256,7 @@ struct Rest<'a> {
 
 impl Rest<'_> {
     fn unscaled(&self, v: &[f64]) -> Vec<f64> {
-        v.iter().enumerate().map(|(i, v)| v * self.region.width(i)).collect()
+        v.iter().zip(self.widths).map(|(v, width)| v * width).collect()
     }
 }
 
@@ -232,7 +266,7 @@ impl LeastSquares for Rest<'_> {
         let (x, u) = at.split_at(self.region.dims.nx);
         let rates = rhs(self.plant, x, u).into_iter();
         let rest = rates.zip(&self.row_scale).map(|(f, scale)| f * scale);
-        let held = self.held.iter().map(|&(i, value)| v[i] - value / self.region.width(i));
+        let held = self.held.iter().map(|&(i, value)| v[i] - value / self.widths[i]);
         rest.chain(held).collect()
     }
 
@@ -241,7 +275,7 @@ impl LeastSquares for Rest<'_> {
         let f = jacobian(self.plant, &self.region.split(self.unscaled(v)));
         Mat::from_fn(n + self.held.len(), v.len(), |row, column| {
             if row < n {
-                self.row_scale[row] * f[(row, column)] * self.region.width(column)
+                self.row_scale[row] * f[(row, column)] * self.widths[column]
             } else {
                 f64::from(u8::from(self.held[row - n].0 == column))
             }

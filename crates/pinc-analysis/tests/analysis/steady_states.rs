@@ -83,3 +83,16 @@ fn bounds_are_kept_and_what_would_be_needed_is_found() {
     let HeldPoint::Outside(point) = search.hold(&[(0, 1.5)], bounds) else { panic!("held") };
     assert!((point.u[0] - 1.5).abs() < 1e-9);
 }
+
+/// Where a state has no bounds, its width says nothing of how far it moves.
+#[test]
+fn a_state_of_another_size_than_its_width_is_found() {
+    for size in [1.0, 1e3, 1e6] {
+        let (fill, leave) = (format!("{size}*u - 0.1*p"), format!("p*{} - e", 0.01 / size));
+        let plant = plant(&["p", "e"], &["u"], &[&fill, &leave]);
+        let region = region(2, &[-0.5, 0.0, 0.0], &[0.5, 0.1, 1.0]);
+        let found = SteadyStateSearch::new(&plant, &region, 1).hold(&[(1, 0.05)], None);
+        let point = within(&found);
+        assert!((point.u[0] - 0.5).abs() < 1e-6, "{size}: {point:?}");
+    }
+}
