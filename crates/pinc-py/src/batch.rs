@@ -4,7 +4,7 @@ use crate::arrays::{Array, Given, array, values, whole};
 use crate::controller::{GivenModel, Origin, OriginParts};
 use crate::errors::{input, of_mpc, of_run};
 use crate::gradient::{Layout, by_name};
-use crate::work::{interrupted, watched};
+use crate::work::{interrupted, lock, watched};
 use numpy::{PyArrayDyn, PyUntypedArrayMethods};
 use pinc_batch::{LoopTrace, Situations};
 use pinc_config::MOST_THREADS;
@@ -12,7 +12,7 @@ use pinc_mpc::Reference;
 use pinc_runs::BatchController;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple};
-use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::sync::{Mutex, MutexGuard};
 
 #[doc = doc!("NmpcBatch")]
 #[pyclass(module = "pinc_nmpc", frozen)]
@@ -99,7 +99,7 @@ impl NmpcBatch {
     }
 
     fn lock(&self) -> MutexGuard<'_, BatchController> {
-        self.controller.lock().unwrap_or_else(PoisonError::into_inner)
+        lock(&self.controller)
     }
 
     /// m

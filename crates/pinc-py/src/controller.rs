@@ -5,6 +5,7 @@ use crate::config::{Parts, Source};
 use crate::errors::{input, of_mpc, of_run};
 use crate::gradient::{Layout, PlanChange, PlanGradient, read_change};
 use crate::model::Model;
+use crate::work::lock;
 use numpy::{PyArrayDyn, PyUntypedArrayMethods};
 use pinc_config::{Experiment, ModelKind};
 use pinc_estimate::EstimatorStatus;
@@ -13,7 +14,7 @@ use pinc_runs::{Follow, LiveController, LiveState, ModelFile, RunError};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple};
 use std::path::PathBuf;
-use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::sync::{Mutex, MutexGuard};
 
 #[doc = doc!("Nmpc")]
 #[pyclass(module = "pinc_nmpc", frozen)]
@@ -76,7 +77,7 @@ impl Nmpc {
     }
 
     fn lock(&self) -> MutexGuard<'_, LiveController> {
-        self.controller.lock().unwrap_or_else(PoisonError::into_inner)
+        lock(&self.controller)
     }
 
     fn layout(&self) -> Layout {

@@ -2,11 +2,12 @@
 
 use crate::arrays::{Array, Given, Points, array};
 use crate::errors::{input, of_mpc};
+use crate::work::lock;
 use pinc_batch::ModelBatch;
 use pinc_ode::{Dims, Linearization, Model, Stages};
 use pyo3::prelude::*;
 use std::fmt;
-use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::sync::{Mutex, MutexGuard};
 
 /// From so many points on, threads share them.
 const SHARED: usize = 256;
@@ -71,7 +72,7 @@ impl Discrete {
 
     /// The model, for one call. It has no memory of earlier calls, not even of one that failed.
     fn lock(&self) -> MutexGuard<'_, Box<dyn Model>> {
-        self.model.lock().unwrap_or_else(PoisonError::into_inner)
+        lock(&self.model)
     }
 
     /// Points for x, u and p, with one of each for all where it is given once.
@@ -136,7 +137,7 @@ impl Discrete {
     }
 
     fn shared(&self, at: &Arguments) -> PyResult<Vec<f64>> {
-        let mut batch = self.batch.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut batch = lock(&self.batch);
         let batch = batch.get_or_insert_with(|| ModelBatch::new(0, || (self.make)()));
         batch.steps(&at.x, &at.u, &at.p).map_err(of_mpc)
     }

@@ -3,11 +3,12 @@
 use crate::arrays::{Array, Given, array, vector};
 use crate::controller::{GivenModel, Origin, OriginParts};
 use crate::errors::input;
+use crate::work::lock;
 use pinc_mpc::Memory;
 use pinc_runs::ConfigEstimator;
 use pyo3::prelude::*;
 use pyo3::types::PyTuple;
-use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::sync::{Mutex, MutexGuard};
 
 #[doc = doc!("Estimator")]
 #[pyclass(module = "pinc_nmpc", frozen)]
@@ -46,7 +47,7 @@ impl Estimator {
     }
 
     fn lock(&self) -> MutexGuard<'_, ConfigEstimator> {
-        self.estimator.lock().unwrap_or_else(PoisonError::into_inner)
+        lock(&self.estimator)
     }
 }
 

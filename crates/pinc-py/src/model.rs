@@ -4,6 +4,7 @@ use crate::arrays::{Array, Given, array};
 use crate::config::Source;
 use crate::discrete::Discrete;
 use crate::errors::{input, of_run};
+use crate::work::lock;
 use pinc_net::{FoldedNet, PincModel, PincNet, TrainingTarget};
 use pinc_record::{read_file, write_output};
 use pinc_runs::{ErrorEstimate, RunError, certificate, error_estimate};
@@ -11,7 +12,7 @@ use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict, PyTuple};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
-use std::sync::{Mutex, PoisonError};
+use std::sync::Mutex;
 
 #[doc = doc!("Model")]
 #[pyclass(module = "pinc_nmpc", frozen)]
@@ -140,7 +141,7 @@ impl Model {
         p: Option<Given<'py>>,
     ) -> PyResult<Array<'py>> {
         let source = Source::of(config, None)?;
-        let mut known = self.estimate.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut known = lock(&self.estimate);
         let estimate = match known.take().filter(|(of, _)| *of == source) {
             Some((_, estimate)) => estimate,
             None => {

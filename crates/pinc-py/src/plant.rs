@@ -4,13 +4,13 @@ use crate::arrays::{Array, Given, Points, array, whole};
 use crate::config::Source;
 use crate::discrete::Discrete;
 use crate::errors::input;
-use crate::work::{interrupted, watched};
+use crate::work::{interrupted, lock, watched};
 use pinc_config::{Experiment, PlantSpec, Variables};
 use pinc_ode::{DynPlant, Integrator, OdeError, Simulator};
 use pyo3::prelude::*;
 use pyo3::types::PyTuple;
 use std::collections::BTreeMap;
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex};
 
 /// The local error tolerance of a simulation.
 const TOLERANCE: f64 = 1e-10;
@@ -215,7 +215,7 @@ impl Plant {
 
     #[doc = doc!("Plant.output")]
     fn output<'py>(&self, py: Python<'py>, x: Given<'py>, u: Given<'py>) -> PyResult<Array<'py>> {
-        let simulator = self.simulator.lock().unwrap_or_else(PoisonError::into_inner);
+        let simulator = lock(&self.simulator);
         self.each(py, (&x, &u), &[self.variables.outputs.len()], |x, u, to| {
             simulator.output(x, u, to);
         })
@@ -241,8 +241,7 @@ impl Plant {
         let mut now = states.clone();
         watched(py, || {
             // A fresh copy has adapted no step size yet: the same bits whatever was simulated before.
-            let mut simulator =
-                self.simulator.lock().unwrap_or_else(PoisonError::into_inner).clone();
+            let mut simulator = lock(&self.simulator).clone();
             for k in (0..count).take_while(|_| !interrupted()) {
                 simulator.integrate(&mut now, &u[k * dims.nu..(k + 1) * dims.nu], step_s)?;
                 states.extend(&now);

@@ -4,8 +4,10 @@ use crate::errors::of_run;
 use pinc_runs::clock::Deadline;
 use pinc_runs::{Options, RunError, Verbosity};
 use pyo3::prelude::*;
+use pyo3::sync::MutexExt;
 use std::cell::{Cell, RefCell};
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::thread;
 use std::time::Duration;
 
@@ -26,6 +28,13 @@ pub(crate) fn interrupted() -> bool {
         RAISED.with_borrow_mut(|raised| *raised = raised.take().or(signal));
     }
     RAISED.with_borrow(Option::is_some)
+}
+
+/// Locks `mutex`, with the interpreter released while others hold it: they may need it to look for
+/// signals.
+pub(crate) fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    let locked = Python::attach(|py| mutex.lock_py_attached(py));
+    locked.unwrap_or_else(PoisonError::into_inner)
 }
 
 /// Does `work` with the interpreter released, on this thread; it asks [`interrupted`], and if so what

@@ -37,3 +37,31 @@ def test_ctrl_c_ends_the_call(name: str, smoke: Path, tmp_path: Path) -> None:
             assert process.wait(timeout=60) == 3
         finally:
             process.kill()
+
+
+SHARED = """
+import pickle, sys, threading
+import numpy as np, pinc_nmpc as pinc
+
+batch = pinc.NmpcBatch(sys.argv[1], only="rk4", threads=1)
+x = np.full((50, 2), 0.1)
+calls = [
+    lambda: batch.steps(x, [0.5, 0.0]),
+    lambda: batch.gradients(x, [0.5, 0.0], [1.0]),
+    lambda: batch.loops(x, np.zeros((5, 2))),
+    lambda: (batch.states, pickle.dumps(batch)),
+]
+
+def repeat(call):
+    for _ in range(20):
+        call()
+
+threads = [threading.Thread(target=repeat, args=(call,)) for call in calls * 2]
+[thread.start() for thread in threads]
+[thread.join() for thread in threads]
+"""
+
+
+def test_threads_take_turns_with_a_batch(smoke: Path) -> None:
+    """One looks for Ctrl-C, which takes the interpreter, while others wait for the batch."""
+    subprocess.run([sys.executable, "-c", SHARED, str(smoke)], check=True, timeout=120)
