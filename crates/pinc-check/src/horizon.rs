@@ -12,6 +12,17 @@ const TOLERANCE: f64 = 1e-6;
 /// The share of a change of the reference that inputs have to be able to make within the horizon.
 const LEAST: f64 = 0.1;
 
+/// The share that is enough.
+const ENOUGH: f64 = 0.5;
+
+/// So many steps are looked at where a longer horizon is advised, and a response still moves where it grows
+/// by this factor in their second half.
+const LOOKED_AT: usize = 400;
+const STILL_MOVES: f64 = 1.2;
+
+/// What moves less than this part of the way by then does not get there.
+const NEAR_NOTHING: f64 = 0.01;
+
 /// Below this share a movement is rounding.
 const UNMOVED: f64 = 1e-9;
 
@@ -35,12 +46,18 @@ pub(crate) fn examine(subject: &Subject<'_>) -> Vec<Finding> {
     let poor = shares.filter(|(_, moved, wanted)| is_poor(*moved, *wanted));
     let worst = poor.min_by(|a, b| (a.1 / a.2).total_cmp(&(b.1 / b.2)));
     worst
-        .map(|(i, moved, wanted)| finding(subject, control, i, moved / wanted))
+        .map(|(i, moved, wanted)| finding(subject, control, i, (moved, wanted)))
         .into_iter()
         .collect()
 }
 
-fn finding(subject: &Subject<'_>, control: &ControlSpec, i: usize, share: f64) -> Finding {
+fn finding(
+    subject: &Subject<'_>,
+    control: &ControlSpec,
+    i: usize,
+    (moved, wanted): (f64, f64),
+) -> Finding {
+    let share = moved / wanted;
     let horizon = control.horizon_s(subject.step_s());
     let name = &subject.plant.states()[i].name;
     if share < UNMOVED {
@@ -55,15 +72,14 @@ fn finding(subject: &Subject<'_>, control: &ControlSpec, i: usize, share: f64) -
         subject.time(horizon),
         short(share)
     );
-    let (key, change) = match &control.stages_s {
-        Some(_) => {
-            let needed = subject.time(0.5 / share * horizon);
-            ("control.stages_s", format!("longer stages, or more, for a horizon of about {needed}"))
+    let key = if control.stages_s.is_some() { "control.stages_s" } else { "control.n2" };
+    let change = match (steps_to_move(subject, control, i, ENOUGH * wanted), &control.stages_s) {
+        (None, _) => "another T: longer horizons of such steps move it little more".to_owned(),
+        (Some(steps), Some(_)) => {
+            let needed = subject.time(steps * subject.step_s());
+            format!("longer stages, or more, for a horizon of about {needed}")
         }
-        None => {
-            let needed = (0.5 / share * control.n2 as f64).ceil();
-            ("control.n2", n2_of(needed, format!("n2 of about {needed:.0}, or a longer T")))
-        }
+        (Some(steps), None) => n2_of(steps, format!("n2 of about {steps:.0}, or a longer T")),
     };
     Finding::warning(key, what)
         .because("the controller sees too little of what its inputs do, and becomes timid")
@@ -99,21 +115,58 @@ fn changes(subject: &Subject<'_>, control: &ControlSpec) -> Vec<f64> {
 /// How far one of the inputs, put to one of its bounds, moves a state from a steady state within
 /// the horizon.
 fn movement(subject: &Subject<'_>, control: &ControlSpec, from: &OperatingPoint, i: usize) -> f64 {
-    let mut largest = 0.0_f64;
+    let stages = control.stages(subject.step_s()).into_iter();
+    let stages = || stages.clone().flat_map(|(length, count)| std::iter::repeat_n(length, count));
+    let responses = responses(subject, control, from, i, &stages);
+    responses.into_iter().flatten().fold(0.0, f64::max)
+}
+
+/// After how many steps of T one of the inputs can have moved a state so far from a steady state;
+/// `None` where it does not get there.
+fn steps_to_move(subject: &Subject<'_>, control: &ControlSpec, i: usize, far: f64) -> Option<f64> {
+    let steps = || std::iter::repeat_n(subject.step_s(), LOOKED_AT);
+    let mut least: Option<f64> = None;
+    for (_, point) in subject.steady_points() {
+        for response in responses(subject, control, point, i, &steps) {
+            let reached = response.iter().position(|moved| *moved >= far);
+            let count = |k: usize| (k + 1) as f64;
+            // A slow response goes on as it came.
+            let middle = response.get(LOOKED_AT / 2).copied().unwrap_or(f64::NAN);
+            let goes_on = |end: &f64| *end > (STILL_MOVES * middle).max(NEAR_NOTHING * far);
+            let end = response.last().copied().filter(goes_on);
+            let slow = end.map(|end| (count(LOOKED_AT) * far / end).ceil());
+            let found = reached.map(count).or(slow);
+            least = [least, found].into_iter().flatten().reduce(f64::min);
+        }
+    }
+    least
+}
+
+/// How far each of the inputs, put to each of its bounds, has moved a state from a steady state at the ends
+/// of these steps: infinitely far where the plant runs away.
+fn responses<I: Iterator<Item = f64>>(
+    subject: &Subject<'_>,
+    control: &ControlSpec,
+    from: &OperatingPoint,
+    i: usize,
+    steps: &dyn Fn() -> I,
+) -> Vec<Vec<f64>> {
+    let mut all = Vec::new();
     for j in 0..from.u.len() {
         for bound in [control.input_low[j], control.input_high[j]] {
             let (mut x, mut u) = (from.x.clone(), from.u.clone());
             u[j] = bound;
             let mut truth = Simulator::new(subject.plant, TOLERANCE);
-            let stages = control.stages(subject.step_s()).into_iter();
-            for length in stages.flat_map(|(length, count)| std::iter::repeat_n(length, count)) {
+            let mut response = Vec::new();
+            for length in steps() {
                 if truth.integrate(&mut x, &u, length).is_err() {
-                    // It ran away.
-                    return f64::INFINITY;
+                    response.push(f64::INFINITY);
+                    break;
                 }
-                largest = largest.max((x[i] - from.x[i]).abs());
+                response.push((x[i] - from.x[i]).abs());
             }
+            all.push(response);
         }
     }
-    largest
+    all
 }

@@ -70,5 +70,5 @@ fn saturation(
         }
         flat_from = flat;
     }
-    (flat_from > 0.0).then(|| from + flat_from * range)
+    (flat_from > 0.0).then_some(from + flat_from * range)
 }

@@ -106,14 +106,23 @@ fn inputs_have_to_make_a_tenth_of_a_change_within_the_horizon() {
     let poor = of(0.09);
     let (severity, change) = only(&poor, "can move x1 by 0.09 of a change of its reference");
     assert_eq!(severity, Warning);
-    // A horizon in which they make half of it: 10 * 0.5 / 0.09.
-    assert!(change.starts_with("n2 of about 56"), "{change}");
-    // 5128 steps would be needed, and a config may have 5000.
+    // A horizon in which they make half of it: 1.5 (1 - exp(-a t)) = 0.25 after 60 steps.
+    assert!(change.starts_with("n2 of about 60,"), "{change}");
+    // More than 5000 steps would be needed, which is what a config may have.
     let a = -(1.0 - 0.0078 / 3.0_f64).ln() / 40.0;
     let slow = findings([&format!("{a}*(u - x1)"), "x1 - x2"], &["control.n2=80", "control.nu=10"]);
     let (_, change) = only(&slow, "can move x1 by 0.0078");
     assert!(change.starts_with("a T at least 1.1 times as long (n2 is 5000"), "{change}");
     assert!(of(0.11).iter().all(|of| !of.what.contains("of a change of its reference")));
+}
+
+/// x1'' = u - w^2 x1 with T of a whole period is at rest again at the end of each step.
+#[test]
+fn no_longer_horizon_is_advised_where_steps_take_whole_periods() {
+    let w2 = (4.0 * std::f64::consts::PI).powi(2);
+    let found = findings(["x2", &format!("{w2}*(u - x1)")], &["control.n2=10", "control.nu=10"]);
+    let (_, change) = only(&found, "of a change of its reference");
+    assert!(change.starts_with("another T"), "{change}");
 }
 
 /// Over the horizon of 5 s a deviation grows by exp(5 a), and 1e5 is exp(5 * 2.3026).
