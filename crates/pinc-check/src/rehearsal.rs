@@ -63,7 +63,7 @@ pub(crate) fn examine(subject: &Subject<'_>) -> Vec<Finding> {
                 "a step that fails follows the plan of the step before, or none: what the loop does \
                  then says little of the model",
             )
-            .change(advice(worst)),
+            .change(advice(worst, rehearsal.model)),
     ]
 }
 

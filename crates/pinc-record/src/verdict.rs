@@ -3,7 +3,7 @@
 use crate::consistency;
 use crate::metrics::{ControlMetrics, Metrics, ReferenceMetrics, is_failure};
 use crate::violation::ViolationMetrics;
-use pinc_config::TimeUnit;
+use pinc_config::{ModelKind, TimeUnit};
 use pinc_mpc::SqpStatus;
 use std::fmt;
 
@@ -125,7 +125,7 @@ fn failed_steps(of: &ControlMetrics) -> Option<Finding> {
     (failed > 0).then(|| {
         let what =
             format!("{failed} of {steps} control steps failed, most with the status {status}.");
-        Finding::new(what, advice(status))
+        Finding::new(what, advice(status, of.model))
     })
 }
 
@@ -190,9 +190,10 @@ pub fn significant(value: f64) -> String {
     }
 }
 
-/// Returns advice for control steps that end with this status, in the words of [`SqpStatus`].
+/// Returns advice for control steps with this model that end with this status, in the words of
+/// [`SqpStatus`].
 #[must_use]
-pub fn advice(status: &str) -> &'static str {
+pub fn advice(status: &str, model: ModelKind) -> &'static str {
     let is = |known: SqpStatus| known.to_string() == status;
     if is(SqpStatus::InfeasibleQp) {
         "No plan keeps all bounds, those of end_state and of a cost's inequalities among them: widen them, \
@@ -205,6 +206,9 @@ pub fn advice(status: &str) -> &'static str {
         "The model or the cost gave no numbers that can be used, or the QP method failed on them: give \
          the model more substeps, or take \"rosenbrock\" for a stiff plant; a net should be trained on all of the box \
          where the loop goes; leave control.sqp.qp at \"auto\"."
+    } else if is(SqpStatus::Stalled) && model == ModelKind::BlackBox {
+        "The plans are as good as the simulator's precision allows: raise control.sqp.tolerance, and the \
+         plant's difference_step where its answers are rounded or noisy."
     } else if is(SqpStatus::Stalled) {
         "The plans are as good as rounding or a kink of the model allows: raise control.sqp.tolerance, \
          give an integrator more substeps, or bound an input where the equation saturates it."
@@ -216,7 +220,6 @@ pub fn advice(status: &str) -> &'static str {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use pinc_config::ModelKind;
     use serde_json::json;
     use std::collections::BTreeMap;
 
@@ -274,6 +277,19 @@ mod tests {
         let [first, second] = &all.loop_notes()[..] else { panic!("two notes") };
         assert!(first.starts_with("With PINC ") && !first.contains("pinc check"), "{first}");
         assert!(second.starts_with("With RK4 ") && second.contains("pinc check"), "{second}");
+    }
+
+    /// A simulator has no substeps, and the equation's kinks are not known.
+    #[test]
+    fn advice_for_stalled_steps_is_about_the_model_at_hand() {
+        let stalled = [(SqpStatus::Stalled, 30)];
+        for (model, said, other) in [
+            (ModelKind::BlackBox, "difference_step", "substeps"),
+            (ModelKind::RK4, "substeps", "difference_step"),
+        ] {
+            let notes = metrics(vec![of(model, [None; 3], &stalled)]).loop_notes();
+            assert!(notes[0].contains(said) && !notes[0].contains(other), "{notes:?}");
+        }
     }
 
     /// A mole fraction that is 0.00052 off is not "0.000 off".
