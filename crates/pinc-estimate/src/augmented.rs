@@ -1,6 +1,6 @@
 //! The model whose state an estimator estimates.
 
-use crate::disturbed::{Arguments, BLOCK, Disturbed, Measurement};
+use crate::disturbed::{BLOCK, Disturbed};
 use crate::{Augmentation, Disturbance, EstimateError, Measured};
 use pinc_ode::{Dims, Linearization, Model, OutputLinearization, Stages};
 
@@ -92,7 +92,7 @@ impl Augmented {
         let Linearization { next, a, b, .. } = out;
         let inner_b = &mut b[..count * nx * nu];
         self.inner.linearize(
-            Arguments { x: &self.x[..count * nx], u: at.u, w: &self.w[..count * nw] },
+            Stages { x: &self.x[..count * nx], u: at.u, p: &self.w[..count * nw] },
             Linearization {
                 next: &mut self.next[..count * nx],
                 a: &mut self.a[..count * nx * nx],
@@ -135,31 +135,23 @@ impl Model for Augmented {
     fn step(&mut self, x: &[f64], u: &[f64], _p: &[f64], next: &mut [f64]) {
         let nx = self.inner.dims().nx;
         let (x, w) = x.split_at(nx);
-        self.inner.step(Arguments { x, u, w }, &mut next[..nx]);
+        self.inner.step(Stages { x, u, p: w }, &mut next[..nx]);
         next[nx..].copy_from_slice(w);
     }
 
-    fn linearize(&mut self, at: Stages<'_>, out: Linearization<'_>) {
+    fn linearize(&mut self, at: Stages<'_>, mut out: Linearization<'_>) {
         let dims = self.dims();
         let count = at.count(dims);
         out.check(count, dims);
         for first in (0..count).step_by(BLOCK) {
-            let last = count.min(first + BLOCK);
-            let part = |width: usize| first * width..last * width;
-            let points = Stages { x: &at.x[part(dims.nx)], u: &at.u[part(dims.nu)], p: &[] };
-            let results = Linearization {
-                next: &mut out.next[part(dims.nx)],
-                a: &mut out.a[part(dims.nx * dims.nx)],
-                b: &mut out.b[part(dims.nx * dims.nu)],
-                e: &mut [],
-            };
-            self.linearize_block(points, results);
+            let block = first..count.min(first + BLOCK);
+            self.linearize_block(at.points(block.clone(), dims), out.points(block, dims));
         }
     }
 
     fn output(&mut self, x: &[f64], u: &[f64], _p: &[f64], y: &mut [f64]) {
         let (x, w) = x.split_at(self.inner.dims().nx);
-        self.inner.measure(Arguments { x, u, w }, y);
+        self.inner.measure(Stages { x, u, p: w }, y);
     }
 
     fn linearize_output(&mut self, at: Stages<'_>, mut out: OutputLinearization<'_>) {
@@ -169,13 +161,13 @@ impl Model for Augmented {
         let (nx, nw) = (self.inner.dims().nx, self.inner.unknowns());
         for k in 0..count {
             let point = at.point(k, dims);
-            let out = out.point(k, dims);
+            let OutputLinearization { y, c: by_z, d, .. } = out.point(k, dims);
             let (x, w) = point.x.split_at(nx);
             self.inner.linearize_measurement(
-                Arguments { x, u: point.u, w },
-                Measurement { y: out.y, by_x: &mut self.by_x, by_u: out.d, by_w: &mut self.by_w },
+                Stages { x, u: point.u, p: w },
+                OutputLinearization { y, c: &mut self.by_x, d, e: &mut self.by_w },
             );
-            for (i, row) in out.c.chunks_exact_mut(nx + nw).enumerate() {
+            for (i, row) in by_z.chunks_exact_mut(nx + nw).enumerate() {
                 row[..nx].copy_from_slice(&self.by_x[i * nx..(i + 1) * nx]);
                 row[nx..].copy_from_slice(&self.by_w[i * nw..(i + 1) * nw]);
             }

@@ -1,6 +1,6 @@
 //! The model of a controller that knows the disturbances.
 
-use crate::disturbed::{Arguments, BLOCK, Disturbed};
+use crate::disturbed::{BLOCK, Disturbed};
 use crate::{Augmentation, Disturbance, EstimateError, Measured};
 use pinc_mpc::{NmpcProblem, Weights};
 use pinc_ode::{Dims, Linearization, Model, OutputLinearization, Stages};
@@ -88,7 +88,7 @@ impl Compensated {
         self.unshift(at.x, at.p);
         let Linearization { next, a, b, e } = out;
         self.inner.linearize(
-            Arguments { x: &self.x[..at.x.len()], u: at.u, w: at.p },
+            Stages { x: &self.x[..at.x.len()], ..at },
             Linearization { next: &mut *next, a: &mut *a, b, e: &mut *e },
         );
         for (k, next) in next.chunks_exact_mut(nx).enumerate() {
@@ -114,35 +114,25 @@ impl Model for Compensated {
 
     fn step(&mut self, x: &[f64], u: &[f64], p: &[f64], next: &mut [f64]) {
         self.unshift(x, p);
-        self.inner.step(Arguments { x: &self.x[..x.len()], u, w: p }, next);
+        self.inner.step(Stages { x: &self.x[..x.len()], u, p }, next);
         for &(state, place) in &self.shifted {
             next[state] += p[place];
         }
     }
 
-    fn linearize(&mut self, at: Stages<'_>, out: Linearization<'_>) {
+    fn linearize(&mut self, at: Stages<'_>, mut out: Linearization<'_>) {
         let dims = self.dims();
         let count = at.count(dims);
         out.check(count, dims);
-        let Dims { nx, nu, np, .. } = dims;
         for first in (0..count).step_by(BLOCK) {
-            let last = count.min(first + BLOCK);
-            let part = |width: usize| first * width..last * width;
-            let by_p = if out.e.is_empty() { 0..0 } else { part(nx * np) };
-            let points = Stages { x: &at.x[part(nx)], u: &at.u[part(nu)], p: &at.p[part(np)] };
-            let results = Linearization {
-                next: &mut out.next[part(nx)],
-                a: &mut out.a[part(nx * nx)],
-                b: &mut out.b[part(nx * nu)],
-                e: &mut out.e[by_p],
-            };
-            self.linearize_block(points, results);
+            let block = first..count.min(first + BLOCK);
+            self.linearize_block(at.points(block.clone(), dims), out.points(block, dims));
         }
     }
 
     fn output(&mut self, x: &[f64], u: &[f64], p: &[f64], y: &mut [f64]) {
         self.unshift(x, p);
-        self.inner.all_outputs(Arguments { x: &self.x[..x.len()], u, w: p }, y);
+        self.inner.all_outputs(Stages { x: &self.x[..x.len()], u, p }, y);
         for &(output, place) in &self.outputs {
             y[output] += p[place];
         }
@@ -160,7 +150,7 @@ impl Model for Compensated {
             let point = at.point(k, dims);
             let OutputLinearization { y, c, d, e } = out.point(k, dims);
             self.unshift(point.x, point.p);
-            let here = Arguments { x: &self.x[..dims.nx], u: point.u, w: point.p };
+            let here = Stages { x: &self.x[..dims.nx], ..point };
             let results = OutputLinearization { y: &mut *y, c: &mut *c, d, e: &mut *e };
             self.inner.linearize_all_outputs(here, results);
             for &(output, place) in &self.outputs {

@@ -2,7 +2,9 @@
 
 use crate::error::{check, check_indices};
 use crate::{Disturbance, EstimateError, Measured};
-use pinc_ode::{Dims, Linearization, Model, OutputLinearization, Stages};
+use pinc_ode::{
+    Dims, Linearization, Model, OutputLinearization, OutputLinearizationBuffer, Stages,
+};
 
 /// How many points are linearized at a time.
 pub(crate) const BLOCK: usize = 16;
@@ -169,7 +171,7 @@ impl InnerArguments {
     }
 }
 
-/// A model whose disturbances and estimated parameters, w = (d, theta), are arguments like x and u.
+/// A model whose parameters are the disturbances and the estimated parameters, w = (d, theta).
 #[derive(Debug)]
 pub(crate) struct Disturbed {
     model: Box<dyn Model>,
@@ -183,31 +185,7 @@ pub(crate) struct Disturbed {
     /// dF/dp at these points.
     by_p: Vec<f64>,
     /// The outputs of the model and their Jacobians at one point.
-    y: Vec<f64>,
-    y_by_x: Vec<f64>,
-    y_by_u: Vec<f64>,
-    y_by_p: Vec<f64>,
-}
-
-/// The arguments of a [`Disturbed`] model at some points, row by row.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Arguments<'a> {
-    pub(crate) x: &'a [f64],
-    pub(crate) u: &'a [f64],
-    pub(crate) w: &'a [f64],
-}
-
-/// The measured quantities and their Jacobians at one point.
-#[derive(Debug)]
-pub(crate) struct Measurement<'a> {
-    /// `[ny]`
-    pub(crate) y: &'a mut [f64],
-    /// dy/dx, `[ny, nx]`
-    pub(crate) by_x: &'a mut [f64],
-    /// dy/du, `[ny, nu]`
-    pub(crate) by_u: &'a mut [f64],
-    /// dy/dw, `[ny, nw]`
-    pub(crate) by_w: &'a mut [f64],
+    outputs: OutputLinearizationBuffer,
 }
 
 impl Disturbed {
@@ -217,17 +195,14 @@ impl Disturbed {
     ) -> Result<Self, EstimateError> {
         let dims = model.dims();
         augmentation.validate(dims)?;
-        let Dims { nx, nu, np, ny, .. } = dims;
+        let Dims { nx, nu, np, .. } = dims;
         Ok(Self {
             disturbances: augmentation.disturbance.count(nu, augmentation.measured.len()),
             augmentation,
             u: vec![0.0; BLOCK * nu],
             p: vec![0.0; BLOCK * np],
             by_p: vec![0.0; BLOCK * nx * np],
-            y: vec![0.0; ny],
-            y_by_x: vec![0.0; ny * nx],
-            y_by_u: vec![0.0; ny * nu],
-            y_by_p: vec![0.0; ny * np],
+            outputs: OutputLinearizationBuffer::new(dims, 1),
             dims,
             model,
         })
@@ -265,15 +240,15 @@ impl Disturbed {
 
     /// Writes the inputs that the model sees, and its parameters, at the points of a block. Gives
     /// the number of points.
-    fn arrange(&mut self, at: Arguments<'_>) -> usize {
+    fn arrange(&mut self, at: Stages<'_>) -> usize {
         let Dims { nx, nu, np, .. } = self.dims;
         let (count, nw) = (at.x.len() / nx, self.unknowns());
         assert!(at.x.len() == count * nx, "length of x");
         assert!(at.u.len() == count * nu, "length of u");
-        assert!(at.w.len() == count * nw, "length of p");
+        assert!(at.p.len() == count * nw, "length of p");
         self.u[..count * nu].copy_from_slice(at.u);
         for k in 0..count {
-            let w = &at.w[k * nw..(k + 1) * nw];
+            let w = &at.p[k * nw..(k + 1) * nw];
             let (d, theta) = w.split_at(self.disturbances);
             if self.augmentation.disturbance == Disturbance::Input {
                 self.u[k * nu..].iter_mut().zip(d).for_each(|(u, d)| *u += d);
@@ -297,17 +272,17 @@ impl Disturbed {
     }
 
     /// Writes the next state at one point.
-    pub(crate) fn step(&mut self, at: Arguments<'_>, next: &mut [f64]) {
+    pub(crate) fn step(&mut self, at: Stages<'_>, next: &mut [f64]) {
         let Dims { nu, np, .. } = self.dims;
         self.arrange(at);
         self.model.step(at.x, &self.u[..nu], &self.p[..np], next);
-        for (i, d) in self.on_states(at.w) {
+        for (i, d) in self.on_states(at.p) {
             next[i] += d;
         }
     }
 
     /// Linearizes at a block of points; `out.e` is the Jacobian by w, or empty.
-    pub(crate) fn linearize(&mut self, at: Arguments<'_>, out: Linearization<'_>) {
+    pub(crate) fn linearize(&mut self, at: Stages<'_>, out: Linearization<'_>) {
         let Dims { nx, nu, np, .. } = self.dims;
         let nw = self.unknowns();
         let count = self.arrange(at);
@@ -319,7 +294,7 @@ impl Disturbed {
             Linearization { next: &mut *next, a, b: &mut *b, e: &mut self.by_p[..by_p] },
         );
         for k in 0..count {
-            for (i, d) in self.on_states(&at.w[k * nw..]) {
+            for (i, d) in self.on_states(&at.p[k * nw..]) {
                 next[k * nx + i] += d;
             }
         }
@@ -344,32 +319,32 @@ impl Disturbed {
     }
 
     /// Writes the measured quantities at one point.
-    pub(crate) fn measure(&mut self, at: Arguments<'_>, y: &mut [f64]) {
+    pub(crate) fn measure(&mut self, at: Stages<'_>, y: &mut [f64]) {
         let Dims { nu, np, .. } = self.dims;
         self.arrange(at);
         let is_output = |measured: &Measured| matches!(measured, Measured::Output(_));
         if self.augmentation.measured.iter().any(is_output) {
-            self.model.output(at.x, &self.u[..nu], &self.p[..np], &mut self.y);
+            self.model.output(at.x, &self.u[..nu], &self.p[..np], &mut self.outputs.y);
         }
         self.select(at, y);
     }
 
     /// Writes the measured quantities, where the model's outputs are known.
-    fn select(&self, at: Arguments<'_>, y: &mut [f64]) {
+    fn select(&self, at: Stages<'_>, y: &mut [f64]) {
         let quantities = self.augmentation.measured.iter();
         for (i, (y, measured)) in y.iter_mut().zip(quantities).enumerate() {
             *y = match *measured {
                 Measured::State(state) => at.x[state],
-                Measured::Output(output) => self.y[output],
+                Measured::Output(output) => self.outputs.y[output],
             };
             if self.augmentation.disturbance == Disturbance::Output {
-                *y += at.w[i];
+                *y += at.p[i];
             }
         }
     }
 
     /// Writes all outputs of the model at one point.
-    pub(crate) fn all_outputs(&mut self, at: Arguments<'_>, y: &mut [f64]) {
+    pub(crate) fn all_outputs(&mut self, at: Stages<'_>, y: &mut [f64]) {
         let Dims { nu, np, .. } = self.dims;
         self.arrange(at);
         self.model.output(at.x, &self.u[..nu], &self.p[..np], y);
@@ -381,18 +356,14 @@ impl Disturbed {
     }
 
     /// Linearizes all outputs of the model at one point; `out.e` is the Jacobian by w, or empty.
-    pub(crate) fn linearize_all_outputs(
-        &mut self,
-        at: Arguments<'_>,
-        out: OutputLinearization<'_>,
-    ) {
+    pub(crate) fn linearize_all_outputs(&mut self, at: Stages<'_>, out: OutputLinearization<'_>) {
         let Dims { nu, np, .. } = self.dims;
         let nw = self.unknowns();
         self.arrange(at);
         let OutputLinearization { y, c, d, e } = out;
         self.model.linearize_output(
             Stages { x: at.x, u: &self.u[..nu], p: &self.p[..np] },
-            OutputLinearization { y, c, d: &mut *d, e: &mut self.y_by_p },
+            OutputLinearization { y, c, d: &mut *d, e: &mut self.outputs.e },
         );
         e.fill(0.0);
         for (o, by_w) in e.chunks_exact_mut(nw.max(1)).enumerate() {
@@ -407,12 +378,12 @@ impl Disturbed {
             by_d.copy_from_slice(by_u);
         }
         for (to, index) in by_theta.iter_mut().zip(&self.augmentation.estimated) {
-            *to = self.y_by_p[o * self.dims.np + index];
+            *to = self.outputs.e[o * self.dims.np + index];
         }
     }
 
-    /// Linearizes the measured quantities at one point.
-    pub(crate) fn linearize_measurement(&mut self, at: Arguments<'_>, out: Measurement<'_>) {
+    /// Linearizes the measured quantities at one point; `out.e` is the Jacobian by w.
+    pub(crate) fn linearize_measurement(&mut self, at: Stages<'_>, out: OutputLinearization<'_>) {
         let Dims { nx, nu, np, .. } = self.dims;
         let nw = self.unknowns();
         self.arrange(at);
@@ -420,25 +391,20 @@ impl Disturbed {
         if self.augmentation.measured.iter().any(is_output) {
             self.model.linearize_output(
                 Stages { x: at.x, u: &self.u[..nu], p: &self.p[..np] },
-                OutputLinearization {
-                    y: &mut self.y,
-                    c: &mut self.y_by_x,
-                    d: &mut self.y_by_u,
-                    e: &mut self.y_by_p,
-                },
+                self.outputs.as_mut(),
             );
         }
         self.select(at, out.y);
-        [&mut *out.by_x, &mut *out.by_u, &mut *out.by_w].into_iter().for_each(|m| m.fill(0.0));
+        [&mut *out.c, &mut *out.d, &mut *out.e].into_iter().for_each(|part| part.fill(0.0));
         for (i, measured) in self.augmentation.measured.iter().enumerate() {
-            let by_w = &mut out.by_w[i * nw..(i + 1) * nw];
+            let by_w = &mut out.e[i * nw..(i + 1) * nw];
             match *measured {
-                Measured::State(state) => out.by_x[i * nx + state] = 1.0,
+                Measured::State(state) => out.c[i * nx + state] = 1.0,
                 Measured::Output(o) => {
-                    let by_u = &self.y_by_u[o * nu..(o + 1) * nu];
-                    out.by_x[i * nx..(i + 1) * nx]
-                        .copy_from_slice(&self.y_by_x[o * nx..(o + 1) * nx]);
-                    out.by_u[i * nu..(i + 1) * nu].copy_from_slice(by_u);
+                    let by_u = &self.outputs.d[o * nu..(o + 1) * nu];
+                    out.c[i * nx..(i + 1) * nx]
+                        .copy_from_slice(&self.outputs.c[o * nx..(o + 1) * nx]);
+                    out.d[i * nu..(i + 1) * nu].copy_from_slice(by_u);
                     self.fill_unknowns(by_u, o, by_w);
                 }
             }

@@ -5,7 +5,9 @@ use faer::linalg::solvers::Solve;
 use pinc_mpc::{
     Bounds, MpcError, Nmpc, NmpcProblem, SqpConfig, SqpStatus, Tracked, Weight, Weights,
 };
-use pinc_ode::{Dims, Linearization, LinearizationBuffer, Model, OutputLinearization, Stages};
+use pinc_ode::{
+    Dims, Linearization, LinearizationBuffer, Model, OutputLinearizationBuffer, Stages,
+};
 
 /// The weight of inputs in parts of the weight of states and outputs: they settle what those leave
 /// open.
@@ -217,25 +219,19 @@ struct SteadyModel {
     x: Vec<f64>,
     u: Vec<f64>,
     moved: LinearizationBuffer,
-    y: Vec<f64>,
-    c: Vec<f64>,
-    d: Vec<f64>,
-    e: Vec<f64>,
+    outputs: OutputLinearizationBuffer,
 }
 
 impl SteadyModel {
     fn new(inner: Box<dyn Model>) -> Self {
-        let Dims { nx, nu, np, ny, .. } = inner.dims();
+        let Dims { nx, nu, ny, .. } = inner.dims();
         Self {
             rows: vec![1.0; nx + ny],
             columns: vec![1.0; nx + nu],
             x: vec![0.0; nx],
             u: vec![0.0; nu],
             moved: LinearizationBuffer::new(inner.dims(), 1),
-            y: vec![0.0; ny],
-            c: vec![0.0; ny * nx],
-            d: vec![0.0; ny * nu],
-            e: vec![0.0; ny * np],
+            outputs: OutputLinearizationBuffer::new(inner.dims(), 1),
             inner,
         }
     }
@@ -244,22 +240,22 @@ impl SteadyModel {
     /// states with each of them, to first order at the state `x` and the input `u`: dx = A dx + B du,
     /// dy = C dx + D du.
     fn choose_sizes(&mut self, problem: &NmpcProblem, [x, u]: [&[f64]; 2]) {
-        let Self { inner, moved, y, c, d, e, .. } = self;
+        let Self { inner, moved, outputs, .. } = self;
         let Dims { nx, nu, ny, .. } = inner.dims();
         let Bounds { low, high } = &problem.input_bounds;
         let range = |i: usize| Some(high[i] - low[i]).filter(|range| range.is_finite());
         let inputs: Vec<f64> = (0..nu).map(|i| or_size(range(i).unwrap_or(0.0), u[i])).collect();
         let point = Stages { x, u, p: &problem.parameters };
         inner.linearize(point, moved.as_mut());
-        inner.linearize_output(point, OutputLinearization { y, c, d, e });
+        inner.linearize_output(point, outputs.as_mut());
         let [a, b] = [(&moved.a, nx), (&moved.b, nu)].map(|(m, columns)| matrix(m, nx, columns));
         let du = Mat::from_fn(nu, nu, |i, j| if i == j { inputs[i] } else { 0.0 });
         let kept = Mat::from_fn(nx, nx, |i, j| if i == j { 1.0 + LEAK } else { 0.0 });
         let dx = (kept - a).partial_piv_lu().solve(b * &du);
-        let dy = matrix(c, ny, nx) * &dx + matrix(d, ny, nu) * du;
+        let dy = matrix(&outputs.c, ny, nx) * &dx + matrix(&outputs.d, ny, nu) * du;
         let change = |by: &Mat<f64>, i: usize| by.row(i).iter().map(|by| by.abs()).sum::<f64>();
         let states: Vec<f64> = (0..nx).map(|i| or_size(change(&dx, i), x[i])).collect();
-        let outputs: Vec<f64> = (0..ny).map(|i| or_size(change(&dy, i), y[i])).collect();
+        let outputs: Vec<f64> = (0..ny).map(|i| or_size(change(&dy, i), outputs.y[i])).collect();
         self.rows = [&states[..], &outputs].concat();
         self.columns = [states, inputs].concat();
     }
@@ -280,18 +276,22 @@ impl SteadyModel {
     /// One point.
     fn linearize_point(&mut self, at: Stages<'_>, out: Linearization<'_>) {
         self.place(at.u);
-        let Self { inner, rows, columns, x, u, moved, y, c, d, e } = self;
+        let Self { inner, rows, columns, x, u, moved, outputs } = self;
         let Dims { nx, nu, np, .. } = inner.dims();
         let point = Stages { x, u, p: at.p };
         inner.linearize(point, moved.as_mut());
-        inner.linearize_output(point, OutputLinearization { y, c, d, e });
+        inner.linearize_output(point, outputs.as_mut());
         let wide = nx + nu;
         let Linearization { next, a, b, e: by_p } = out;
         a.fill(0.0);
-        let values =
-            moved.next.iter().zip(x.iter()).map(|(moved, x)| moved - x).chain(y.iter().copied());
+        let values = moved
+            .next
+            .iter()
+            .zip(x.iter())
+            .map(|(moved, x)| moved - x)
+            .chain(outputs.y.iter().copied());
         next.iter_mut().zip(values.zip(rows.iter())).for_each(|(to, (v, size))| *to = v / *size);
-        for (by_x, by_u, first) in [(&moved.a, &moved.b, 0), (&*c, &*d, nx)] {
+        for (by_x, by_u, first) in [(&moved.a, &moved.b, 0), (&outputs.c, &outputs.d, nx)] {
             let all = by_x.chunks_exact(nx).zip(by_u.chunks_exact(nu)).enumerate();
             for (i, (by_x, by_u)) in all {
                 let row = &mut b[(first + i) * wide..(first + i + 1) * wide];
@@ -304,7 +304,8 @@ impl SteadyModel {
                 row.iter_mut().zip(&*columns).for_each(|(entry, size)| *entry *= size / unit);
             }
         }
-        let all = moved.e.chunks_exact(np.max(1)).chain(e.chunks_exact(np.max(1))).zip(rows);
+        let all =
+            moved.e.chunks_exact(np.max(1)).chain(outputs.e.chunks_exact(np.max(1))).zip(rows);
         for (to, (row, unit)) in by_p.chunks_exact_mut(np.max(1)).zip(all) {
             to.iter_mut().zip(row).for_each(|(to, entry)| *to = entry / *unit);
         }

@@ -49,7 +49,8 @@ pub use error::OdeError;
 pub use integrator::{Integrator, Scheme};
 pub use loaded::Loaded;
 pub use model::{
-    Dims, Gradients, Linearization, LinearizationBuffer, Model, OutputLinearization, Stages,
+    Dims, Gradients, Linearization, LinearizationBuffer, Model, OutputLinearization,
+    OutputLinearizationBuffer, Stages,
 };
 pub use piecewise_constant::PiecewiseConstant;
 pub use plant::{Over, Plant};

@@ -1,6 +1,7 @@
 //! The one interface between models and what uses them: controllers, estimators, experiments.
 
 use std::fmt::Debug;
+use std::ops::Range;
 
 /// The sizes of a plant or of a model of it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -55,7 +56,13 @@ impl<'a> Stages<'a> {
     /// Point `k` alone.
     #[must_use]
     pub fn point(&self, k: usize, dims: Dims) -> Stages<'a> {
-        let part = |values: &'a [f64], width: usize| &values[k * width..(k + 1) * width];
+        self.points(k..k + 1, dims)
+    }
+
+    /// The points of these numbers.
+    #[must_use]
+    pub fn points(&self, of: Range<usize>, dims: Dims) -> Stages<'a> {
+        let part = |values: &'a [f64], width: usize| &values[of.start * width..of.end * width];
         Stages { x: part(self.x, dims.nx), u: part(self.u, dims.nu), p: part(self.p, dims.np) }
     }
 
@@ -104,8 +111,13 @@ pub struct Linearization<'a> {
 impl Linearization<'_> {
     /// Where the results of point `k` go.
     pub fn point(&mut self, k: usize, dims: Dims) -> Linearization<'_> {
+        self.points(k..k + 1, dims)
+    }
+
+    /// Where the results of the points of these numbers go.
+    pub fn points(&mut self, of: Range<usize>, dims: Dims) -> Linearization<'_> {
         let Dims { nx, nu, np, .. } = dims;
-        let part = |width: usize| k * width..(k + 1) * width;
+        let part = |width: usize| of.start * width..of.end * width;
         let e = if self.e.is_empty() { 0..0 } else { part(nx * np) };
         Linearization {
             next: &mut self.next[part(nx)],
@@ -150,8 +162,13 @@ pub struct OutputLinearization<'a> {
 impl OutputLinearization<'_> {
     /// Where the results of point `k` go.
     pub fn point(&mut self, k: usize, dims: Dims) -> OutputLinearization<'_> {
+        self.points(k..k + 1, dims)
+    }
+
+    /// Where the results of the points of these numbers go.
+    pub fn points(&mut self, of: Range<usize>, dims: Dims) -> OutputLinearization<'_> {
         let Dims { nx, nu, np, ny } = dims;
-        let part = |width: usize| k * width..(k + 1) * width;
+        let part = |width: usize| of.start * width..of.end * width;
         let e = if self.e.is_empty() { 0..0 } else { part(ny * np) };
         OutputLinearization {
             y: &mut self.y[part(ny)],
@@ -239,6 +256,34 @@ impl LinearizationBuffer {
                 to.iter_mut().zip(derivatives).for_each(|(to, entry)| *to += weight * entry);
             }
         }
+    }
+}
+
+/// Numbers for an [`OutputLinearization`] at some points.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct OutputLinearizationBuffer {
+    /// h(x, u, p), `[points, ny]`.
+    pub y: Vec<f64>,
+    /// dh/dx, `[points, ny, nx]`.
+    pub c: Vec<f64>,
+    /// dh/du, `[points, ny, nu]`.
+    pub d: Vec<f64>,
+    /// dh/dp, `[points, ny, np]`.
+    pub e: Vec<f64>,
+}
+
+impl OutputLinearizationBuffer {
+    /// Room for `points` points of a model of dimensions `dims`.
+    #[must_use]
+    pub fn new(dims: Dims, points: usize) -> Self {
+        let zeros = |width: usize| vec![0.0; points * dims.ny * width];
+        Self { y: zeros(1), c: zeros(dims.nx), d: zeros(dims.nu), e: zeros(dims.np) }
+    }
+
+    /// The numbers, for [`Model::linearize_output`] to write.
+    pub fn as_mut(&mut self) -> OutputLinearization<'_> {
+        let Self { y, c, d, e } = self;
+        OutputLinearization { y, c, d, e }
     }
 }
 

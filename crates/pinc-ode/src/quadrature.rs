@@ -1,6 +1,9 @@
 //! A cost integrated along a model that does not integrate.
 
-use crate::{Dims, Linearization, LinearizationBuffer, Model, OutputLinearization, Stages};
+use crate::{
+    Dims, Linearization, LinearizationBuffer, Model, OutputLinearization,
+    OutputLinearizationBuffer, Stages,
+};
 
 /// The states that follow the plant's: the time and the cost.
 const ADDED: usize = 2;
@@ -24,22 +27,14 @@ pub struct Quadrature {
     /// `(y, t, J)` at a node.
     at: Vec<f64>,
     found: LinearizationBuffer,
-    outputs: OutputBuffer,
+    /// The outputs at a node.
+    outputs: OutputLinearizationBuffer,
 }
 
 #[derive(Debug)]
 struct Node {
     model: Box<dyn Model>,
     weight: f64,
-}
-
-/// The outputs at a node with their Jacobians.
-#[derive(Debug)]
-struct OutputBuffer {
-    y: Vec<f64>,
-    c: Vec<f64>,
-    d: Vec<f64>,
-    e: Vec<f64>,
 }
 
 impl Quadrature {
@@ -57,17 +52,11 @@ impl Quadrature {
     pub fn new(end: Box<dyn Model>, nodes: [Box<dyn Model>; 3], rate: Box<dyn Model>) -> Self {
         let (inner, outer) = (end.dims(), rate.dims());
         let mut weights = [5.0, 8.0, 5.0].into_iter().map(|part| part / 18.0);
-        let zeros = |width: usize| vec![0.0; outer.ny * width];
         Self {
             nodes: nodes.map(|model| Node { model, weight: weights.next().unwrap_or_default() }),
             at: vec![0.0; outer.nx],
             found: LinearizationBuffer::new(inner, 1),
-            outputs: OutputBuffer {
-                y: zeros(1),
-                c: zeros(outer.nx),
-                d: zeros(outer.nu),
-                e: zeros(outer.np),
-            },
+            outputs: OutputLinearizationBuffer::new(outer, 1),
             end,
             rate,
         }
@@ -80,8 +69,8 @@ impl Quadrature {
         let Linearization { next, a, b, e } = out;
         [&mut *a, &mut *b, &mut *e].into_iter().for_each(|part| part.fill(0.0));
         let states = Stages { x: &at.x[..n], ..at };
-        let LinearizationBuffer { next: state, a: by_x, b: by_u, e: by_p } = &mut self.found;
-        self.end.linearize(states, Linearization { next: state, a: by_x, b: by_u, e: by_p });
+        self.end.linearize(states, self.found.as_mut());
+        let LinearizationBuffer { next: state, a: by_x, b: by_u, e: by_p } = &self.found;
         next[..n].copy_from_slice(state);
         next[n] = at.x[n] + length;
         next[n + 1] = at.x[n + 1];
@@ -93,21 +82,22 @@ impl Quadrature {
             }
         }
         (a[n * nx + n], a[(n + 1) * nx + n + 1]) = (1.0, 1.0);
-        let (row, OutputBuffer { y, c, d, e: by }) = (ny - ADDED, &mut self.outputs);
+        let row = ny - ADDED;
         for (Node { model, weight }, part) in self.nodes.iter_mut().zip(Self::nodes()) {
             let weight = *weight * length;
-            model.linearize(states, Linearization { next: state, a: by_x, b: by_u, e: by_p });
+            model.linearize(states, self.found.as_mut());
+            let LinearizationBuffer { next: state, a: by_x, b: by_u, e: by_p } = &self.found;
             self.at[..n].copy_from_slice(state);
             (self.at[n], self.at[n + 1]) = (at.x[n] + part * length, at.x[n + 1]);
             let point = Stages { x: &self.at, ..at };
-            let outputs = OutputLinearization { y: &mut *y, c: &mut *c, d: &mut *d, e: &mut *by };
-            self.rate.linearize_output(point, outputs);
+            self.rate.linearize_output(point, self.outputs.as_mut());
+            let OutputLinearizationBuffer { y, c, d, e: by } = &self.outputs;
             next[n + 1] += weight * y[row];
             let slopes = &c[row * nx..(row + 1) * nx];
             a[(n + 1) * nx + n] += weight * slopes[n];
             for (wide, jacobian, own) in [
-                (&mut a[(n + 1) * nx..(n + 1) * nx + n], &*by_x, None),
-                (&mut b[(n + 1) * nu..], &*by_u, Some(&d[row * nu..(row + 1) * nu])),
+                (&mut a[(n + 1) * nx..(n + 1) * nx + n], by_x, None),
+                (&mut b[(n + 1) * nu..], by_u, Some(&d[row * nu..(row + 1) * nu])),
             ] {
                 add_row(wide, weight, slopes, jacobian, own);
             }
