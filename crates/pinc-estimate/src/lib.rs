@@ -21,6 +21,7 @@ mod disturbed;
 mod ekf;
 mod error;
 mod estimator;
+mod extended;
 mod feedback;
 mod gate;
 mod kalman;

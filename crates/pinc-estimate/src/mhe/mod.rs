@@ -9,11 +9,11 @@ use self::barzilai_borwein::BarzilaiBorwein;
 use self::program::{Constants, Point, Program};
 use self::window::Window;
 use crate::estimator::variances;
-use crate::kalman::{Kalman, subtract};
+use crate::extended::Extended;
 use crate::{Correction, EstimateError, Estimator, EstimatorStatus, Tuning};
 use pinc_mpc::Memory;
-use pinc_ode::{Dims, Linearization, LinearizationBuffer, Model, OutputLinearization, Stages};
-use pinc_qp::{Multipliers, QpStatus, all_finite};
+use pinc_ode::{Dims, Model};
+use pinc_qp::{Multipliers, QpStatus};
 
 /// The residual of the optimality conditions at which the iteration ends.
 const TOLERANCE: f64 = 1e-8;
@@ -74,29 +74,42 @@ const NO_STEP: f64 = 1e-13;
 /// ```
 #[derive(Debug)]
 pub struct Mhe {
-    model: Box<dyn Model>,
+    /// The filter whose covariances are the arrival costs.
+    filter: Extended,
     tuning: Tuning,
     constants: Constants,
-    kalman: Kalman,
     window: Window,
-    /// The window at which a step begins, and the multipliers there.
-    base: Window,
-    base_multipliers: Vec<Multipliers>,
+    /// Where a step begins.
+    base: Kept,
     /// The best of several solutions.
-    best: Window,
-    best_multipliers: Vec<Multipliers>,
+    best: Kept,
     /// Whether the window has left the first state behind.
     moved_on: bool,
     /// By the number of steps in the window.
     programs: Vec<Program>,
     step_lengths: Vec<BarzilaiBorwein>,
-    u: Vec<f64>,
-    innovation: Vec<f64>,
-    expected: Vec<f64>,
-    h: Vec<f64>,
-    by_u: Vec<f64>,
-    change: Vec<f64>,
-    at: LinearizationBuffer,
+}
+
+/// States and noises of a window, and the multipliers there, by the number of steps.
+#[derive(Clone, Debug)]
+struct Kept {
+    x: Vec<f64>,
+    v: Vec<f64>,
+    multipliers: Vec<Multipliers>,
+}
+
+impl Kept {
+    fn keep(&mut self, window: &Window, programs: &[Program]) {
+        self.x.copy_from_slice(&window.x);
+        self.v.copy_from_slice(&window.v);
+        self.multipliers[window.steps].copy_from(&programs[window.steps].multipliers);
+    }
+
+    fn restore(&self, window: &mut Window, programs: &mut [Program]) {
+        window.x.copy_from_slice(&self.x);
+        window.v.copy_from_slice(&self.v);
+        programs[window.steps].multipliers.copy_from(&self.multipliers[window.steps]);
+    }
 }
 
 impl Mhe {
@@ -113,7 +126,7 @@ impl Mhe {
     /// [`Mhe::LONGEST`] steps long.
     pub fn new(model: Box<dyn Model>, tuning: Tuning, steps: usize) -> Result<Self, EstimateError> {
         let dims = model.dims();
-        tuning.validate(dims)?;
+        let filter = Extended::new(model, &tuning)?;
         if !(1..=Self::LONGEST).contains(&steps) {
             return Err(EstimateError::Window { found: steps, most: Self::LONGEST });
         }
@@ -121,27 +134,18 @@ impl Mhe {
         let program = |steps| Program::new(dims, steps, &constants);
         let programs: Vec<_> = (0..=steps).map(program).collect::<Result<_, _>>()?;
         let window = Window::new(dims, steps);
-        let multipliers: Vec<_> = programs.iter().map(|p| p.multipliers.clone()).collect();
+        let multipliers = programs.iter().map(|p| p.multipliers.clone()).collect();
+        let kept = Kept { x: window.x.clone(), v: window.v.clone(), multipliers };
         let mut estimator = Self {
-            kalman: Kalman::new(&tuning),
+            filter,
             tuning,
-            base: window.clone(),
-            base_multipliers: multipliers.clone(),
-            best: window.clone(),
-            best_multipliers: multipliers,
+            base: kept.clone(),
+            best: kept,
             moved_on: false,
             window,
             step_lengths: programs.iter().map(|p| BarzilaiBorwein::new(p.unknowns())).collect(),
             programs,
             constants,
-            u: vec![0.0; dims.nu],
-            innovation: vec![f64::NAN; dims.ny],
-            expected: vec![0.0; dims.ny],
-            h: vec![0.0; dims.ny * dims.nx],
-            by_u: vec![0.0; dims.ny * dims.nu],
-            change: vec![0.0; dims.nx],
-            at: LinearizationBuffer::new(dims, 1),
-            model,
         };
         estimator.reset();
         Ok(estimator)
@@ -169,36 +173,19 @@ impl Mhe {
     /// The states of the window as they are seen now, the oldest first, `[window + 1, nx]`.
     #[must_use]
     pub fn trajectory(&self) -> &[f64] {
-        &self.window.x[..(self.window.steps + 1) * self.model.dims().nx]
-    }
-
-    /// The correction of the covariance, which also gives a first guess of the state.
-    fn correct_covariance(&mut self, y: &[f64]) -> Correction {
-        let out = OutputLinearization {
-            y: &mut self.expected,
-            c: &mut self.h,
-            d: &mut self.by_u,
-            e: &mut [],
-        };
-        self.model.linearize_output(Stages { x: self.window.last(), u: &self.u, p: &[] }, out);
-        subtract(y, &self.expected, &mut self.innovation);
-        if !all_finite(&self.expected) || !all_finite(&self.h) {
-            let measured = y.iter().filter(|y| y.is_finite()).count();
-            return Correction::unused(EstimatorStatus::NotFinite, measured);
-        }
-        self.kalman.correct(&self.h, &mut self.innovation, &mut self.change)
+        &self.window.x[..(self.window.steps + 1) * self.dims().nx]
     }
 
     /// Drops the window except for its last state, which is less certain than the window says.
     fn begin_anew(&mut self) {
-        self.window.restart(self.kalman.prior());
+        self.window.restart(self.filter.kalman.prior());
         self.programs.iter_mut().for_each(|program| program.multipliers.clear());
         // The initial estimate is no guess of this state.
         self.moved_on = true;
     }
 
     fn linearize(&mut self) -> Point {
-        let Self { model, window, programs, constants, u, .. } = self;
+        let Self { filter: Extended { model, u, .. }, window, programs, constants, .. } = self;
         programs[window.steps].linearize(model.as_mut(), window, u, constants)
     }
 
@@ -228,7 +215,7 @@ impl Mhe {
                 _ => return (EstimatorStatus::QpFailed, iteration, point.kkt),
             }
             least = least.min(point.kkt);
-            self.mark_base();
+            self.base.keep(&self.window, &self.programs);
             if self.programs[steps].length() <= NO_STEP {
                 // There is no better point nearby; take the multipliers of the solution.
                 let there = self.go(1.0);
@@ -252,10 +239,10 @@ impl Mhe {
         if self.moved_on || !is_good(first.0) || !self.programs[steps].is_at_bound() {
             return first;
         }
-        let n = self.model.dims().nx;
+        let n = self.dims().nx;
         let (mut best, mut iterations) = (first, first.1);
         let mut least = self.programs[steps].cost();
-        self.keep();
+        self.best.keep(&self.window, &self.programs);
         for i in 0..2 * n {
             let offset = if i < n { 1.0 } else { -1.0 } * self.tuning.initial_sd[i % n];
             self.roll_out(i % n, offset);
@@ -264,27 +251,17 @@ impl Mhe {
             if is_good(found.0) && self.programs[steps].cost() < least {
                 least = self.programs[steps].cost();
                 best = found;
-                self.keep();
+                self.best.keep(&self.window, &self.programs);
             }
         }
-        self.window.x.copy_from_slice(&self.best.x);
-        self.window.v.copy_from_slice(&self.best.v);
-        self.programs[steps].multipliers.copy_from(&self.best_multipliers[steps]);
+        self.best.restore(&mut self.window, &mut self.programs);
         (best.0, iterations, best.2)
-    }
-
-    /// Keeps the solution as the best one.
-    fn keep(&mut self) {
-        let steps = self.window.steps;
-        self.best.x.copy_from_slice(&self.window.x);
-        self.best.v.copy_from_slice(&self.window.v);
-        self.best_multipliers[steps].copy_from(&self.programs[steps].multipliers);
     }
 
     /// Fills the window with the model's states without noise, from the initial estimate with
     /// `offset` added to state `i` on.
     fn roll_out(&mut self, i: usize, offset: f64) {
-        let Dims { nx: n, nu, .. } = self.model.dims();
+        let Dims { nx: n, nu, .. } = self.dims();
         let Window { x, v, u, steps, .. } = &mut self.window;
         v.fill(0.0);
         x[..n].copy_from_slice(&self.tuning.initial_estimate);
@@ -293,7 +270,7 @@ impl Mhe {
             let (before, after) = x.split_at_mut((j + 1) * n);
             let before = &mut before[j * n..];
             self.tuning.clip(before);
-            self.model.step(before, &u[j * nu..(j + 1) * nu], &[], &mut after[..n]);
+            self.filter.model.step(before, &u[j * nu..(j + 1) * nu], &[], &mut after[..n]);
         }
         self.tuning.clip(&mut x[*steps * n..(*steps + 1) * n]);
         self.programs[*steps].multipliers.clear();
@@ -323,28 +300,19 @@ impl Mhe {
             }
             part *= 0.5;
         }
-        self.window.x.copy_from_slice(&self.base.x);
-        self.window.v.copy_from_slice(&self.base.v);
-        self.programs[steps].multipliers.copy_from(&self.base_multipliers[steps]);
+        self.base.restore(&mut self.window, &mut self.programs);
         None
     }
 }
 
 impl Mhe {
-    /// Remembers where a step begins.
-    fn mark_base(&mut self) {
-        let steps = self.window.steps;
-        self.base.x.copy_from_slice(&self.window.x);
-        self.base.v.copy_from_slice(&self.window.v);
-        self.base_multipliers[steps].copy_from(&self.programs[steps].multipliers);
-    }
-
     /// Goes a part of the way of the program's solution.
     fn go(&mut self, part: f64) -> Point {
         let steps = self.window.steps;
         let program = &mut self.programs[steps];
-        program.go(part, &self.base, &mut self.window, &self.constants.unit);
-        program.blend(part, &self.base_multipliers[steps]);
+        let Kept { x, v, multipliers } = &self.base;
+        program.go(part, [x, v], &mut self.window, &self.constants.unit);
+        program.blend(part, &multipliers[steps]);
         self.linearize()
     }
 
@@ -378,36 +346,34 @@ fn constants(tuning: &Tuning) -> Constants {
 
 impl Estimator for Mhe {
     fn dims(&self) -> Dims {
-        self.model.dims()
+        self.filter.model.dims()
     }
 
     fn reset(&mut self) {
-        self.kalman.reset(&self.tuning);
-        self.window.reset(&self.tuning.initial_estimate, self.kalman.covariance());
+        self.filter.reset(&self.tuning);
+        self.window.reset(&self.tuning.initial_estimate, self.filter.kalman.covariance());
         self.programs.iter_mut().for_each(|program| program.multipliers.clear());
         self.moved_on = false;
-        self.u.fill(0.0);
-        self.innovation.fill(f64::NAN);
     }
 
     fn reset_input(&mut self, u: &[f64]) {
         self.reset();
-        self.u.copy_from_slice(u);
+        self.filter.u.copy_from_slice(u);
     }
 
     fn correct_within(&mut self, y: &[f64], expired: &mut dyn FnMut() -> bool) -> Correction {
-        assert_eq!(y.len(), self.expected.len(), "length of y");
+        let before = self.filter.correct(self.window.last(), y);
         self.window.measure(y);
-        let before = self.correct_covariance(y);
         let prior = before.status;
         if prior == EstimatorStatus::Reacquired {
             self.begin_anew();
         }
         if before.rejected > 0 {
-            self.window.reject(&self.innovation);
+            self.window.reject(&self.filter.innovation);
         }
         if prior.is_corrected() {
-            self.window.last_mut().iter_mut().zip(&self.change).for_each(|(z, d)| *z += d);
+            let change = &self.filter.change;
+            self.window.last_mut().iter_mut().zip(change).for_each(|(z, d)| *z += d);
         }
         let (status, iterations, kkt) = match prior {
             prior if prior.has_succeeded() => self.explore(expired),
@@ -420,17 +386,12 @@ impl Estimator for Mhe {
 
     fn predict(&mut self, u: &[f64]) -> EstimatorStatus {
         if self.window.steps == 0 {
-            self.window.before.copy_from_slice(&self.u);
+            self.window.before.copy_from_slice(&self.filter.u);
         }
-        self.u.copy_from_slice(u);
-        let LinearizationBuffer { next, a, b, .. } = &mut self.at;
-        let out = Linearization { next, a, b, e: &mut [] };
-        self.model.linearize(Stages { x: self.window.last(), u, p: &[] }, out);
-        if !all_finite(&self.at.next) {
+        let Some(status) = self.filter.predict(self.window.last(), u) else {
             return EstimatorStatus::NotFinite;
-        }
-        let status = self.kalman.predict(&self.at.a);
-        if self.window.push(u, &self.at.next, self.kalman.covariance()) {
+        };
+        if self.window.push(u, self.filter.next(), self.filter.kalman.covariance()) {
             self.programs[self.window.steps].shift();
             self.moved_on = true;
         }
@@ -442,17 +403,17 @@ impl Estimator for Mhe {
     }
 
     fn covariance(&self) -> &[f64] {
-        self.kalman.covariance()
+        self.filter.kalman.covariance()
     }
 
     fn innovation(&self) -> &[f64] {
-        &self.innovation
+        &self.filter.innovation
     }
 
     fn remember(&mut self, memory: &mut Memory<'_>) {
-        self.kalman.remember(memory);
+        self.filter.kalman.remember(memory);
         self.window.remember(memory);
-        memory.numbers(&mut self.u);
+        memory.numbers(&mut self.filter.u);
         memory.flag(&mut self.moved_on);
         let multipliers = &mut self.programs[self.window.steps].multipliers;
         multipliers.parts_mut().into_iter().for_each(|part| memory.numbers(part));

@@ -4,7 +4,7 @@ use super::smoother::{Linear, Smoother};
 use super::window::Window;
 use crate::EstimateError;
 use crate::matrix::{add_scaled, dot, factor};
-use pinc_ode::{Dims, Linearization, LinearizationBuffer, Model, OutputLinearization, Stages};
+use pinc_ode::{Dims, LinearizationBuffer, Model, OutputLinearizationBuffer, Stages};
 use pinc_qp::{
     ChosenQp, Limits, Multipliers, OcpDims, Qp, QpMethod, QpSolver, QpStatus, QpStep, all_finite,
 };
@@ -45,13 +45,12 @@ pub(super) struct Program {
     pub(super) multipliers: Multipliers,
     cost: f64,
     model: LinearizationBuffer,
-    expected: Vec<f64>,
-    h: Vec<f64>,
+    /// By stages.
+    outputs: OutputLinearizationBuffer,
     /// Expected minus measured, `[stages, ny]`, NaN where nothing was.
     errors: Vec<f64>,
     /// The defects of the dynamics without noise, `[stages, n]`.
     defects: Vec<f64>,
-    by_u: Vec<f64>,
     root: Vec<f64>,
     work: Vec<f64>,
 }
@@ -95,11 +94,9 @@ impl Program {
             multipliers: Multipliers::new(ocp),
             cost: 0.0,
             model: LinearizationBuffer::new(dims, steps),
-            expected: vec![0.0; stages * dims.ny],
-            h: vec![0.0; stages * dims.ny * n],
+            outputs: OutputLinearizationBuffer::new(dims, stages),
             errors: vec![0.0; stages * dims.ny],
             defects: vec![0.0; stages * n],
-            by_u: vec![0.0; dims.ny * dims.nu],
             root: vec![0.0; n * n],
             work: vec![0.0; ocp.unknowns()],
             qp,
@@ -134,13 +131,10 @@ impl Program {
         last_u: &[f64],
         constants: &Constants,
     ) -> Point {
-        let Dims { nx: n, nu, ny, .. } = self.dims;
+        let Dims { nx: n, nu, .. } = self.dims;
         let steps = self.qp.dims.horizon - 1;
-        let LinearizationBuffer { next, a, b, .. } = &mut self.model;
-        model.linearize(
-            Stages { x: &window.x[..steps * n], u: &window.u[..steps * nu], p: &[] },
-            Linearization { next, a, b, e: &mut [] },
-        );
+        let at = Stages { x: &window.x[..steps * n], u: &window.u[..steps * nu], p: &[] };
+        model.linearize(at, self.model.as_mut());
         for j in 0..=steps {
             // Measured before the input changes: with the one that led there.
             let u = match j {
@@ -148,15 +142,8 @@ impl Program {
                 0 => &window.before[..],
                 j => &window.u[(j - 1) * nu..j * nu],
             };
-            model.linearize_output(
-                Stages { x: &window.x[j * n..(j + 1) * n], u, p: &[] },
-                OutputLinearization {
-                    y: &mut self.expected[j * ny..(j + 1) * ny],
-                    c: &mut self.h[j * ny * n..(j + 1) * ny * n],
-                    d: &mut self.by_u,
-                    e: &mut [],
-                },
-            );
+            let at = Stages { x: &window.x[j * n..(j + 1) * n], u, p: &[] };
+            model.linearize_output(at, self.outputs.as_mut().point(j, self.dims));
         }
         self.write_dynamics(window, constants);
         self.cost = self.write_cost(window, constants);
@@ -206,10 +193,10 @@ impl Program {
         for j in 0..stages {
             let gradient = &mut by_x[j * n..(j + 1) * n];
             for i in 0..ny {
-                let h = &mut self.h[(j * ny + i) * n..(j * ny + i + 1) * n];
+                let h = &mut self.outputs.c[(j * ny + i) * n..(j * ny + i + 1) * n];
                 h.iter_mut().zip(&constants.unit).for_each(|(h, unit)| *h *= unit);
                 let y = window.y[j * ny + i];
-                let error = if y.is_finite() { self.expected[j * ny + i] - y } else { f64::NAN };
+                let error = if y.is_finite() { self.outputs.y[j * ny + i] - y } else { f64::NAN };
                 self.errors[j * ny + i] = error;
                 if y.is_finite() {
                     let weight = 1.0 / constants.measurement_variance[i];
@@ -228,7 +215,7 @@ impl Program {
         for (place, error) in self.errors.iter().enumerate().filter(|(_, e)| !e.is_nan()) {
             let (j, weight) = (place / ny, 1.0 / constants.measurement_variance[place % ny]);
             debug_assert!(error.is_finite(), "the cost is finite");
-            let h = &self.h[place * n..(place + 1) * n];
+            let h = &self.outputs.c[place * n..(place + 1) * n];
             let q = &mut self.qp.q[j * n * n..(j + 1) * n * n];
             for (q, entry) in q.chunks_exact_mut(n).zip(h).filter(|(_, entry)| **entry != 0.0) {
                 add_scaled(q, weight * entry, h);
@@ -305,7 +292,7 @@ impl Program {
             a: &qp.a,
             b: &qp.b,
             defects: &self.defects,
-            h: &self.h,
+            h: &self.outputs.c,
             errors: &self.errors,
             variances: &constants.measurement_variance,
         };
@@ -317,15 +304,21 @@ impl Program {
         all_finite(&step.d) && step.d.iter().zip(limits).all(inside)
     }
 
-    /// Moves the window's states and noises by a part of the solution, from `base` on.
-    pub(super) fn go(&mut self, part: f64, base: &Window, window: &mut Window, units: &[f64]) {
+    /// Moves the window's states and noises by a part of the solution, from `x` and `v` on.
+    pub(super) fn go(
+        &mut self,
+        part: f64,
+        [x, v]: [&[f64]; 2],
+        window: &mut Window,
+        units: &[f64],
+    ) {
         let count = self.qp.dims.all_states();
         let (dx, dv) = self.step.d.split_at(count);
         let moves = dx.iter().zip(units.iter().cycle());
-        for ((x, base), (dx, unit)) in window.x.iter_mut().zip(&base.x).zip(moves) {
+        for ((x, base), (dx, unit)) in window.x.iter_mut().zip(x).zip(moves) {
             *x = base + part * dx * unit;
         }
-        for ((v, base), dv) in window.v.iter_mut().zip(&base.v).zip(dv) {
+        for ((v, base), dv) in window.v.iter_mut().zip(v).zip(dv) {
             *v = base + part * dv;
         }
     }
