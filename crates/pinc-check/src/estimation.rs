@@ -5,7 +5,7 @@ use crate::{Finding, Operating, Rehearsal, Subject, gate};
 use pinc_analysis::{OperatingPoint, StateSpace, UnseenMode, unseen_along, unseen_modes};
 use pinc_config::{ControlSpec, DisturbanceSpec, EstimatorSpec, LoopParameters, Variables};
 use pinc_estimate::Augmented;
-use pinc_ode::{Dims, Integrator, LinearizationBuffer, Model, OutputLinearization, Stages};
+use pinc_ode::{Integrator, LinearizationBuffer, Model, OutputLinearizationBuffer, Stages};
 
 /// The section that findings are about.
 const SECTION: &str = "control.estimator";
@@ -212,23 +212,22 @@ fn linearized(of: Estimating<'_>, point: &OperatingPoint) -> Option<(Vec<f64>, V
     let tuning = estimator.tuning(control);
     let unknowns = &tuning.initial_estimate[point.x.len()..];
     let z = [&point.x[..], unknowns].concat();
-    let Dims { nx, nu, ny, .. } = model.dims();
+    let nx = model.dims().nx;
     let mut at = LinearizationBuffer::new(model.dims(), 1);
     let here = Stages { x: &z, u: &point.u, p: &[] };
     model.linearize(here, at.as_mut());
-    let (mut y, mut c, mut d) = (vec![0.0; ny], vec![0.0; ny * nx], vec![0.0; ny * nu]);
-    let out = OutputLinearization { y: &mut y, c: &mut c, d: &mut d, e: &mut [] };
-    model.linearize_output(here, out);
+    let mut outputs = OutputLinearizationBuffer::new(model.dims(), 1);
+    model.linearize_output(here, outputs.as_mut());
     // In sizes that the tuning says: of the states, of the disturbances, of the noise.
     let size = |sd: f64| if sd > 0.0 { sd } else { 1.0 };
     let sizes: Vec<f64> = tuning.initial_sd.iter().map(|sd| size(*sd)).collect();
     for (i, entry) in at.a.iter_mut().enumerate() {
         *entry *= sizes[i % nx] / sizes[i / nx];
     }
-    for (i, entry) in c.iter_mut().enumerate() {
+    for (i, entry) in outputs.c.iter_mut().enumerate() {
         *entry *= sizes[i % nx] / tuning.measurement_sd[i / nx];
     }
-    Some((at.a.clone(), c))
+    Some((at.a, outputs.c))
 }
 
 fn undetectable(mode: &UnseenMode, names: &[String]) -> Finding {

@@ -5,7 +5,7 @@ use crate::numbers::short;
 use crate::{Finding, LISTED, Rehearsal, Subject};
 use pinc_config::{ControlSpec, EstimatorSpec, LoopParameters, Variables};
 use pinc_estimate::{Augmented, Ekf, Estimator, Gate, Measured};
-use pinc_ode::{Dims, Integrator, Model, OutputLinearization, Stages};
+use pinc_ode::{Dims, Integrator, Model, OutputLinearizationBuffer, Stages};
 
 /// The key that findings are about.
 const KEY: &str = "control.estimator.gate";
@@ -133,10 +133,9 @@ fn expectation(
     u: &[f64],
     noise_sd: &[f64],
 ) -> Vec<(f64, f64)> {
-    let Dims { nx, nu, ny, .. } = model.dims();
-    let (mut y, mut c, mut d) = (vec![0.0; ny], vec![0.0; ny * nx], vec![0.0; ny * nu]);
-    let out = OutputLinearization { y: &mut y, c: &mut c, d: &mut d, e: &mut [] };
-    model.linearize_output(Stages { x: filter.estimate(), u, p: &[] }, out);
+    let mut outputs = OutputLinearizationBuffer::new(model.dims(), 1);
+    model.linearize_output(Stages { x: filter.estimate(), u, p: &[] }, outputs.as_mut());
+    let (nx, OutputLinearizationBuffer { y, c, .. }) = (model.dims().nx, outputs);
     let sd = |(row, noise_sd): (&[f64], &f64)| {
         let columns = filter.covariance().chunks_exact(nx).zip(row);
         let entry = |(p, c): (&[f64], &f64)| c * p.iter().zip(row).map(|(p, c)| p * c).sum::<f64>();

@@ -9,7 +9,7 @@ use crate::shooting::{Nodes, Shooting};
 use crate::starts::Start;
 use crate::trajectory::{Evaluation, Trajectory};
 use pinc_estimate::Measured;
-use pinc_ode::{Dims, Model, OutputLinearization, Stages};
+use pinc_ode::{Dims, Model, OutputLinearizationBuffer, Stages};
 use std::borrow::Cow;
 
 /// Sensitivities to the initial state, in scales of the states, from which on single shooting is
@@ -84,17 +84,17 @@ fn first_gains(
     p: &[f64],
     with: &mut Evaluation<'_>,
 ) -> Vec<f64> {
-    let (Dims { nx, nu, np, ny, .. }, channels) = (with.dims, problem.channels.len());
+    let (Dims { nx, nu, .. }, channels) = (with.dims, problem.channels.len());
     let zeros = |count: usize| vec![0.0; count];
-    let (mut y, mut c, mut d, mut e) = (zeros(ny), zeros(ny * nx), zeros(ny * nu), zeros(ny * np));
+    let mut outputs = OutputLinearizationBuffer::new(with.dims, 1);
     with.model.linearize_output(
         Stages { x: problem.initial_state.values(), u: recording.input_read(0, nu), p },
-        OutputLinearization { y: &mut y, c: &mut c, d: &mut d, e: &mut e },
+        outputs.as_mut(),
     );
     let mut gains = zeros(nx * channels);
     for (i, channel) in problem.channels.iter().enumerate() {
         let row: Vec<f64> = match channel.measured {
-            Measured::Output(place) => c[place * nx..(place + 1) * nx].to_vec(),
+            Measured::Output(place) => outputs.c[place * nx..(place + 1) * nx].to_vec(),
             Measured::State(place) => (0..nx).map(|at| f64::from(u8::from(at == place))).collect(),
             _ => zeros(nx),
         };

@@ -6,7 +6,7 @@ use crate::trajectory::{Evaluation, Trajectory};
 use crate::triangle::Triangle;
 use faer::Mat;
 use pinc_estimate::Measured;
-use pinc_ode::{Dims, LinearizationBuffer, OutputLinearization, Stages};
+use pinc_ode::{Dims, LinearizationBuffer, OutputLinearizationBuffer, Stages};
 
 /// How many points are linearized at a time.
 const BLOCK: usize = 64;
@@ -73,11 +73,7 @@ pub(crate) struct Block {
     p: Vec<f64>,
     /// The input that each point is read under.
     read: Vec<f64>,
-    /// The outputs and their Jacobians.
-    y: Vec<f64>,
-    c: Vec<f64>,
-    d: Vec<f64>,
-    e: Vec<f64>,
+    outputs: OutputLinearizationBuffer,
     /// The derivatives of a measured quantity.
     row: Vec<f64>,
     /// What a correction changes in the derivatives of the state.
@@ -86,16 +82,11 @@ pub(crate) struct Block {
 
 impl Block {
     pub(crate) fn new(dims: Dims) -> Self {
-        let Dims { nx, nu, np, ny, .. } = dims;
-        let zeros = |width: usize| vec![0.0; BLOCK * width];
         Self {
             model: LinearizationBuffer::new(dims, BLOCK),
-            p: zeros(np),
-            read: zeros(nu),
-            y: zeros(ny),
-            c: zeros(ny * nx),
-            d: zeros(ny * nu),
-            e: zeros(ny * np),
+            p: vec![0.0; BLOCK * dims.np],
+            read: vec![0.0; BLOCK * dims.nu],
+            outputs: OutputLinearizationBuffer::new(dims, BLOCK),
             row: Vec::new(),
             change: Vec::new(),
         }
@@ -176,21 +167,14 @@ impl<'a> Shooting<'a> {
         with: &mut Evaluation<'_>,
         block: &mut Block,
     ) {
-        let Dims { nx, nu, np, ny, .. } = with.dims;
+        let Dims { nx, nu, np, .. } = with.dims;
         let part = |width: usize| first * width..(first + points) * width;
         let at = Stages {
             x: &self.trajectory.corrected[part(nx)],
             u: &self.recording.u[part(nu)],
             p: &block.p[..points * np],
         };
-        let LinearizationBuffer { next, a, b, e } = &mut block.model;
-        let out = pinc_ode::Linearization {
-            next: &mut next[..points * nx],
-            a: &mut a[..points * nx * nx],
-            b: &mut b[..points * nx * nu],
-            e: &mut e[..points * nx * np],
-        };
-        with.model.linearize(at, out);
+        with.model.linearize(at, block.model.as_mut().points(0..points, with.dims));
         with.work.linearized += points;
         if problem.has_outputs() {
             for (k, u) in block.read.chunks_exact_mut(nu.max(1)).take(points).enumerate() {
@@ -198,13 +182,8 @@ impl<'a> Shooting<'a> {
             }
             let (x, u) = (&self.trajectory.x[part(nx)], &block.read[..points * nu]);
             let at = Stages { x, u, ..at };
-            let out = OutputLinearization {
-                y: &mut block.y[..points * ny],
-                c: &mut block.c[..points * ny * nx],
-                d: &mut block.d[..points * ny * nu],
-                e: &mut block.e[..points * ny * np],
-            };
-            with.model.linearize_output(at, out);
+            let mut out = block.outputs.as_mut();
+            with.model.linearize_output(at, out.points(0..points, with.dims));
         }
     }
 
@@ -220,7 +199,7 @@ impl<'a> Shooting<'a> {
         let (nx, width, nq) = (self.scale.len(), self.triangle.width(), self.nq);
         let np = problem.parameters.len() - gains.len();
         let known = nq + problem.of_the_model().len();
-        let ny = block.y.len() / BLOCK;
+        let ny = block.outputs.y.len() / BLOCK;
         let channels = problem.channels.len();
         block.change.clear();
         block.change.resize(if gains.is_empty() { 0 } else { nx * width }, 0.0);
@@ -239,13 +218,15 @@ impl<'a> Shooting<'a> {
                 Measured::Output(output) => {
                     let place = point * ny + output;
                     row.fill(0.0);
-                    for (c, s) in block.c[place * nx..][..nx].iter().zip(s.chunks_exact(width)) {
+                    for (c, s) in
+                        block.outputs.c[place * nx..][..nx].iter().zip(s.chunks_exact(width))
+                    {
                         row.iter_mut().zip(s).for_each(|(to, s)| *to += c * s);
                     }
                     for (to, unknown) in row[nq..].iter_mut().zip(problem.of_the_model()) {
-                        *to += block.e[place * np + unknown.place];
+                        *to += block.outputs.e[place * np + unknown.place];
                     }
-                    block.y[place]
+                    block.outputs.y[place]
                 }
                 _ => continue,
             };
