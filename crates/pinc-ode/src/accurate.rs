@@ -29,8 +29,6 @@ const LIMITED_STEPS: usize = 15;
 /// ```
 #[derive(Clone, Debug)]
 pub struct AccurateIntegrator {
-    plant: Arc<dyn DynRhs>,
-    tolerance: f64,
     explicit: Dopri5,
     implicit: Option<Seulex>,
 }
@@ -53,8 +51,7 @@ impl AccurateIntegrator {
     /// If `tolerance` is not positive.
     #[must_use]
     pub fn shared(plant: Arc<dyn DynRhs>, tolerance: f64) -> Self {
-        let explicit = Dopri5::shared(Arc::clone(&plant), tolerance);
-        Self { plant, tolerance, explicit, implicit: None }
+        Dopri5::shared(plant, tolerance).into()
     }
 
     /// The plant's sizes.
@@ -108,17 +105,16 @@ impl AccurateIntegrator {
         if reached >= duration {
             return Ok(());
         }
-        let (plant, tolerance) = (&self.plant, self.tolerance);
+        let Dopri5 { plant, tolerance, p, .. } = &self.explicit;
         let implicit =
-            self.implicit.get_or_insert_with(|| Seulex::new(Arc::clone(plant), tolerance));
-        implicit.integrate(x, (u, self.explicit.parameters()), reached, duration)
+            self.implicit.get_or_insert_with(|| Seulex::new(Arc::clone(plant), *tolerance));
+        implicit.integrate(x, (u, p), reached, duration)
     }
 }
 
 impl From<Dopri5> for AccurateIntegrator {
     /// The same integrator, which turns to the implicit method where it finds the plant stiff.
     fn from(explicit: Dopri5) -> Self {
-        let (plant, tolerance) = explicit.plant_and_tolerance();
-        Self { plant, tolerance, explicit, implicit: None }
+        Self { explicit, implicit: None }
     }
 }

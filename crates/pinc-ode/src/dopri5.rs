@@ -43,10 +43,10 @@ const ERROR: [f64; STAGES] = [
 /// allocates nothing.
 #[derive(Clone, Debug)]
 pub struct Dopri5 {
-    plant: Arc<dyn DynRhs>,
+    pub(crate) plant: Arc<dyn DynRhs>,
     dims: Dims,
-    p: Vec<f64>,
-    tolerance: f64,
+    pub(crate) p: Vec<f64>,
+    pub(crate) tolerance: f64,
     step: Option<f64>,
     rhs_calls: u64,
     k: [Vec<f64>; STAGES],
@@ -170,14 +170,6 @@ impl Dopri5 {
         assert_eq!(x.len(), self.dims.nx, "length of x");
         assert_eq!(u.len(), self.dims.nu, "length of u");
         assert_eq!(self.p.len(), self.dims.np, "parameters are set before the integration");
-    }
-
-    pub(crate) fn parameters(&self) -> &[f64] {
-        &self.p
-    }
-
-    pub(crate) fn plant_and_tolerance(&self) -> (Arc<dyn DynRhs>, f64) {
-        (Arc::clone(&self.plant), self.tolerance)
     }
 
     /// [`Dopri5::integrate`], which ends before `duration` once `most` steps were limited by
