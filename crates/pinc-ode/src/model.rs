@@ -190,6 +190,30 @@ impl OutputLinearization<'_> {
         let e = points * dims.ny * dims.np;
         assert!(self.e.is_empty() || self.e.len() == e, "length of e");
     }
+
+    /// Writes the derivative of a row (counted through all points) in a column of (x, u, p).
+    #[inline(always)]
+    pub(crate) fn set(&mut self, dims: Dims, row: usize, column: usize, derivative: f64) {
+        let Dims { nx, nu, np, .. } = dims;
+        if column < nx {
+            self.c[row * nx + column] = derivative;
+        } else if column < nx + nu {
+            self.d[row * nu + column - nx] = derivative;
+        } else if !self.e.is_empty() {
+            self.e[row * np + column - nx - nu] = derivative;
+        }
+    }
+
+    /// Writes outputs that are the states, at states `x`, `[points, nx]`.
+    pub(crate) fn set_states(self, x: &[f64], nx: usize) {
+        for part in [&mut *self.c, self.d, self.e] {
+            part.fill(0.0);
+        }
+        self.y.copy_from_slice(x);
+        for c in self.c.chunks_exact_mut(nx * nx) {
+            c.iter_mut().step_by(nx + 1).for_each(|diagonal| *diagonal = 1.0);
+        }
+    }
 }
 
 /// Numbers for a [`Linearization`] at some points.
@@ -420,14 +444,7 @@ pub trait Model: Debug + Send {
 
     /// Linearizes h at some points; by default y = x, dh/dx = I.
     fn linearize_output(&mut self, at: Stages<'_>, out: OutputLinearization<'_>) {
-        let nx = self.dims().nx;
         out.check(at.count(self.dims()), self.dims());
-        out.y.copy_from_slice(at.x);
-        out.c.fill(0.0);
-        for c in out.c.chunks_exact_mut(nx * nx) {
-            c.iter_mut().step_by(nx + 1).for_each(|diagonal| *diagonal = 1.0);
-        }
-        out.d.fill(0.0);
-        out.e.fill(0.0);
+        out.set_states(at.x, self.dims().nx);
     }
 }

@@ -41,7 +41,8 @@ impl OutputWorkspace {
         at: Stages<'_>,
         out: &mut OutputLinearization<'_>,
     ) {
-        let Dims { nx, nu, np, .. } = plant.dims();
+        let dims = plant.dims();
+        let Dims { nx, nu, np, .. } = dims;
         let columns = nx + nu + if out.e.is_empty() { 0 } else { np };
         for first in (0..columns).step_by(DIRECTIONS) {
             let values = at.x.iter().chain(at.u).chain(at.p);
@@ -54,13 +55,7 @@ impl OutputWorkspace {
             for (i, y) in self.y.iter().enumerate() {
                 out.y[i] = y.re;
                 for (column, &derivative) in (first..columns).zip(&y.eps) {
-                    if column < nx {
-                        out.c[i * nx + column] = derivative;
-                    } else if column < nx + nu {
-                        out.d[i * nu + column - nx] = derivative;
-                    } else {
-                        out.e[i * np + column - nx - nu] = derivative;
-                    }
+                    out.set(dims, i, column, derivative);
                 }
             }
         }

@@ -40,16 +40,11 @@ impl<F: SparseFunction, V: Simd> Outputs<F, V> {
     pub(super) fn linearize(&mut self, at: Stages<'_>, out: OutputLinearization<'_>) {
         let dims = self.dims;
         out.check(at.count(dims), dims);
-        let nx = dims.nx;
+        if self.function.is_none() {
+            return out.set_states(at.x, dims.nx);
+        }
         for part in [&mut *out.c, &mut *out.d, &mut *out.e] {
             part.fill(0.0);
-        }
-        if self.function.is_none() {
-            out.y.copy_from_slice(at.x);
-            for c in out.c.chunks_exact_mut(nx * nx) {
-                c.iter_mut().step_by(nx + 1).for_each(|diagonal| *diagonal = 1.0);
-            }
-            return;
         }
         self.zero.vectorize(Linearize { outputs: self, at, out });
     }
@@ -101,28 +96,10 @@ impl<F: SparseFunction, V: Simd> Work for Linearize<'_, F, V> {
                     let column = function.pattern().places()[entry];
                     let derivative = memory[usize::from(entries[entry])];
                     scatter(derivative, filled, |lane, derivative| {
-                        set_output(&mut out, dims, row(lane), column, derivative);
+                        out.set(dims, row(lane), column, derivative);
                     });
                 }
             }
         }
-    }
-}
-
-/// Writes the derivative of a row (counted through all points) in a column.
-#[inline(always)]
-fn set_output(
-    out: &mut OutputLinearization<'_>,
-    Dims { nx, nu, np, .. }: Dims,
-    row: usize,
-    column: usize,
-    derivative: f64,
-) {
-    if column < nx {
-        out.c[row * nx + column] = derivative;
-    } else if column < nx + nu {
-        out.d[row * nu + column - nx] = derivative;
-    } else if !out.e.is_empty() {
-        out.e[row * np + column - nx - nu] = derivative;
     }
 }
