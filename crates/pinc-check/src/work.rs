@@ -3,7 +3,7 @@
 
 use pinc_ad::simd::Isa;
 use pinc_config::{Experiment, PlantSpec};
-use pinc_ode::{AnyVectorRhs, BlackBox, Dims, DynRhs, Variable};
+use pinc_ode::{AnyVectorRhs, BlackBox, DynRhs, Signature};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
@@ -123,24 +123,8 @@ impl Metered {
 }
 
 impl DynRhs for Metered {
-    fn dims(&self) -> Dims {
-        self.plant.dims()
-    }
-
-    fn states(&self) -> &[Variable] {
-        self.plant.states()
-    }
-
-    fn inputs(&self) -> &[Variable] {
-        self.plant.inputs()
-    }
-
-    fn parameters(&self) -> &[Variable] {
-        self.plant.parameters()
-    }
-
-    fn outputs(&self) -> &[Variable] {
-        self.plant.outputs()
+    fn signature(&self) -> Signature<'_> {
+        self.plant.signature()
     }
 
     fn rhs(&self, x: &[f64], u: &[f64], p: &[f64], dx: &mut [f64]) {

@@ -4,8 +4,8 @@ use crate::grouped::GroupedCurved;
 use crate::{ExpressionError, ExpressionPlant, Rates, SparseEquations};
 use pinc_ad::simd::{Isa, Simd, Task};
 use pinc_ode::{
-    AnyVectorRhs, Dims, DynPlant, DynRhs, Integrator, Model, OdeError, Plant, Scheme,
-    SparseFunction, SparsePlant, SparsityPattern, Variable, sparse_rosenbrock, sparse_runge_kutta,
+    AnyVectorRhs, DynPlant, DynRhs, Integrator, Model, OdeError, Plant, Scheme, Signature,
+    SparseFunction, SparsePlant, SparsityPattern, sparse_rosenbrock, sparse_runge_kutta,
 };
 use std::sync::Arc;
 
@@ -58,24 +58,8 @@ pub(crate) fn no_model(integrator: Integrator, error: &ExpressionError) -> OdeEr
 struct TextPlant(ExpressionPlant);
 
 impl DynRhs for TextPlant {
-    fn dims(&self) -> Dims {
-        self.0.sparse.plant.dims
-    }
-
-    fn states(&self) -> &[Variable] {
-        Plant::states(&self.0)
-    }
-
-    fn inputs(&self) -> &[Variable] {
-        Plant::inputs(&self.0)
-    }
-
-    fn parameters(&self) -> &[Variable] {
-        Plant::parameters(&self.0)
-    }
-
-    fn outputs(&self) -> &[Variable] {
-        Plant::outputs(&self.0)
+    fn signature(&self) -> Signature<'_> {
+        DynRhs::signature(&self.0)
     }
 
     fn rhs(&self, x: &[f64], u: &[f64], p: &[f64], dx: &mut [f64]) {

@@ -1,6 +1,6 @@
 //! Plants without an equation to be seen: another program moves their states on in time.
 
-use crate::dyn_plant::AnyVectorRhs;
+use crate::dyn_plant::{AnyVectorRhs, Signature};
 use crate::{
     Dims, DynPlant, DynRhs, Integrator, Linearization, Model, OdeError, OutputLinearization,
     Stages, Variable, VectorDual, VectorRhs,
@@ -86,24 +86,10 @@ pub struct BlackBox {
 }
 
 impl DynRhs for BlackBox {
-    fn dims(&self) -> Dims {
-        Dims::new(self.states.len(), self.inputs.len()).with_outputs(self.outputs().len())
-    }
-
-    fn states(&self) -> &[Variable] {
-        &self.states
-    }
-
-    fn inputs(&self) -> &[Variable] {
-        &self.inputs
-    }
-
-    fn parameters(&self) -> &[Variable] {
-        &[]
-    }
-
-    fn outputs(&self) -> &[Variable] {
-        if self.outputs.is_empty() { &self.states } else { &self.outputs }
+    fn signature(&self) -> Signature<'_> {
+        let Self { states, inputs, outputs, .. } = self;
+        let outputs = if outputs.is_empty() { states } else { outputs };
+        Signature { states, inputs, parameters: &[], outputs }
     }
 
     fn rhs(&self, _x: &[f64], _u: &[f64], _p: &[f64], dx: &mut [f64]) {

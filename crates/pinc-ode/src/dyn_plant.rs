@@ -15,25 +15,53 @@ pub const VECTOR_DIRECTIONS: usize = 4;
 /// equation.
 pub type VectorDual<V> = Dual<V, VECTOR_DIRECTIONS>;
 
+/// The variables of a plant, each kind in order.
+#[derive(Clone, Copy, Debug)]
+pub struct Signature<'a> {
+    /// The states.
+    pub states: &'a [Variable],
+    /// The inputs.
+    pub inputs: &'a [Variable],
+    /// The parameters that may change from call to call.
+    pub parameters: &'a [Variable],
+    /// The outputs.
+    pub outputs: &'a [Variable],
+}
+
 /// The right-hand side of a [`Plant`] with its type erased: what training, integration and analysis
 /// ask of a plant.
 ///
 /// Every plant has it. Functions that take `&dyn DynRhs` are called with `&plant`.
 pub trait DynRhs: Debug + Send + Sync {
+    /// The variables that the equation is about.
+    fn signature(&self) -> Signature<'_>;
+
     /// The sizes.
-    fn dims(&self) -> Dims;
+    fn dims(&self) -> Dims {
+        let Signature { states, inputs, parameters, outputs } = self.signature();
+        let dims = Dims::new(states.len(), inputs.len());
+        dims.with_parameters(parameters.len()).with_outputs(outputs.len())
+    }
 
     /// The states, in order.
-    fn states(&self) -> &[Variable];
+    fn states(&self) -> &[Variable] {
+        self.signature().states
+    }
 
     /// The inputs, in order.
-    fn inputs(&self) -> &[Variable];
+    fn inputs(&self) -> &[Variable] {
+        self.signature().inputs
+    }
 
     /// The parameters that may change from call to call, in order.
-    fn parameters(&self) -> &[Variable];
+    fn parameters(&self) -> &[Variable] {
+        self.signature().parameters
+    }
 
     /// The outputs, in order.
-    fn outputs(&self) -> &[Variable];
+    fn outputs(&self) -> &[Variable] {
+        self.signature().outputs
+    }
 
     /// Writes f(x, u, p) into `dx`.
     ///
@@ -81,24 +109,13 @@ fn evaluate<P: Plant, S: Scalar>(plant: &P, x: &[S], u: &[S], p: &[S], dx: &mut 
 }
 
 impl<P: Plant> DynRhs for P {
-    fn dims(&self) -> Dims {
-        Plant::dims(self)
-    }
-
-    fn states(&self) -> &[Variable] {
-        Plant::states(self)
-    }
-
-    fn inputs(&self) -> &[Variable] {
-        Plant::inputs(self)
-    }
-
-    fn parameters(&self) -> &[Variable] {
-        Plant::parameters(self)
-    }
-
-    fn outputs(&self) -> &[Variable] {
-        Plant::outputs(self)
+    fn signature(&self) -> Signature<'_> {
+        Signature {
+            states: Plant::states(self),
+            inputs: Plant::inputs(self),
+            parameters: Plant::parameters(self),
+            outputs: Plant::outputs(self),
+        }
     }
 
     fn rhs(&self, x: &[f64], u: &[f64], p: &[f64], dx: &mut [f64]) {

@@ -44,7 +44,9 @@ pub use accurate::AccurateIntegrator;
 pub use banded::Banded;
 pub use black_box::{BlackBox, Flow, FlowModel};
 pub use dopri5::Dopri5;
-pub use dyn_plant::{AnyVectorRhs, DynPlant, DynRhs, VECTOR_DIRECTIONS, VectorDual, VectorRhs};
+pub use dyn_plant::{
+    AnyVectorRhs, DynPlant, DynRhs, Signature, VECTOR_DIRECTIONS, VectorDual, VectorRhs,
+};
 pub use error::OdeError;
 pub use integrator::{Integrator, Scheme};
 pub use loaded::Loaded;

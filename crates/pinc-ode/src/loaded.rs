@@ -1,7 +1,7 @@
 //! A plant with some parameters and under some load.
 
-use crate::dyn_plant::{AnyVectorRhs, DynRhs, VectorDual, VectorRhs};
-use crate::{Dims, Variable};
+use crate::Dims;
+use crate::dyn_plant::{AnyVectorRhs, DynRhs, Signature, VectorDual, VectorRhs};
 use pinc_ad::Scalar;
 use pinc_ad::simd::{Isa, Simd, Task};
 use std::sync::Arc;
@@ -57,24 +57,8 @@ impl Loaded {
 }
 
 impl DynRhs for Loaded {
-    fn dims(&self) -> Dims {
-        self.plant.dims().with_parameters(0)
-    }
-
-    fn states(&self) -> &[Variable] {
-        self.plant.states()
-    }
-
-    fn inputs(&self) -> &[Variable] {
-        self.plant.inputs()
-    }
-
-    fn parameters(&self) -> &[Variable] {
-        &[]
-    }
-
-    fn outputs(&self) -> &[Variable] {
-        self.plant.outputs()
+    fn signature(&self) -> Signature<'_> {
+        Signature { parameters: &[], ..self.plant.signature() }
     }
 
     fn rhs(&self, x: &[f64], u: &[f64], _p: &[f64], dx: &mut [f64]) {

@@ -1,6 +1,6 @@
 //! The state after some time with its derivative along one direction.
 
-use crate::dyn_plant::{AnyVectorRhs, DynRhs};
+use crate::dyn_plant::{AnyVectorRhs, DynRhs, Signature};
 use crate::{AccurateIntegrator, BlackBox, Dims, Flow, Linearization, OdeError, Stages, Variable};
 use pinc_ad::simd::Isa;
 use std::sync::Arc;
@@ -148,25 +148,9 @@ fn halves(values: &[f64]) -> (&[f64], &[f64]) {
 }
 
 impl DynRhs for WithTangent {
-    fn dims(&self) -> Dims {
-        let dims = Dims::new(self.states.len(), self.inputs.len());
-        dims.with_parameters(self.parameters.len())
-    }
-
-    fn states(&self) -> &[Variable] {
-        &self.states
-    }
-
-    fn inputs(&self) -> &[Variable] {
-        &self.inputs
-    }
-
-    fn parameters(&self) -> &[Variable] {
-        &self.parameters
-    }
-
-    fn outputs(&self) -> &[Variable] {
-        &self.states
+    fn signature(&self) -> Signature<'_> {
+        let Self { states, inputs, parameters, .. } = self;
+        Signature { states, inputs, parameters, outputs: states }
     }
 
     fn rhs(&self, x: &[f64], u: &[f64], p: &[f64], dx: &mut [f64]) {

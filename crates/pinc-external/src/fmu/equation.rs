@@ -3,7 +3,7 @@
 use super::derivatives::{Derivatives, Room};
 use super::library::Instance;
 use pinc_ad::simd::Isa;
-use pinc_ode::{AnyVectorRhs, Dims, DynRhs, Variable};
+use pinc_ode::{AnyVectorRhs, DynRhs, Signature, Variable};
 use std::fmt::{self, Debug};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
@@ -145,24 +145,9 @@ impl Work {
 }
 
 impl DynRhs for Equation {
-    fn dims(&self) -> Dims {
-        Dims::new(self.states.len(), 0)
-    }
-
-    fn states(&self) -> &[Variable] {
-        &self.states
-    }
-
-    fn inputs(&self) -> &[Variable] {
-        &[]
-    }
-
-    fn parameters(&self) -> &[Variable] {
-        &[]
-    }
-
-    fn outputs(&self) -> &[Variable] {
-        &self.states
+    fn signature(&self) -> Signature<'_> {
+        let states = &self.states;
+        Signature { states, inputs: &[], parameters: &[], outputs: states }
     }
 
     fn rhs(&self, x: &[f64], _u: &[f64], _p: &[f64], dx: &mut [f64]) {
