@@ -4,29 +4,70 @@ use crate::{Equations, ExpressionError, ExpressionProblem, Start, lexer, parser}
 use pinc_ode::Variable;
 use std::collections::{BTreeMap, BTreeSet};
 
+/// Something that equations name.
+pub(crate) struct Named<'a> {
+    pub(crate) name: &'a str,
+    /// The table or list that it is in.
+    pub(crate) field: &'static str,
+    pub(crate) key: String,
+}
+
+/// Checks that something may be called `name`.
+pub(crate) fn check_name(name: &str) -> Result<(), ExpressionProblem> {
+    if !lexer::is_valid_name(name) {
+        return Err(ExpressionProblem::Name(name.to_owned()));
+    }
+    match parser::reserved(name) {
+        Some(meaning) => Err(ExpressionProblem::Reserved { name: name.to_owned(), meaning }),
+        None => Ok(()),
+    }
+}
+
 impl Equations {
+    /// All that is named; the derivatives have the names of states.
+    pub(crate) fn named(&self) -> Vec<Named<'_>> {
+        fn listed<'a>(
+            field: &'static str,
+            variables: &'a [Variable],
+        ) -> impl Iterator<Item = Named<'a>> {
+            let named = move |(i, variable): (usize, &'a Variable)| Named {
+                name: &variable.name,
+                field,
+                key: format!("{field}[{i}]"),
+            };
+            variables.iter().enumerate().map(named)
+        }
+        fn keyed<'a, T>(
+            field: &'static str,
+            table: &'a BTreeMap<String, T>,
+        ) -> impl Iterator<Item = Named<'a>> {
+            table.keys().map(move |name| Named { name, field, key: format!("{field}.{name}") })
+        }
+        let variables = listed("states", &self.states).chain(listed("inputs", &self.inputs));
+        let numbers = keyed("sizes", &self.sizes).chain(keyed("algebraic", &self.algebraic));
+        let numbers = numbers.chain(keyed("parameters", &self.parameters));
+        let values = keyed("let", &self.intermediates).chain(keyed("outputs", &self.outputs));
+        variables.chain(numbers).chain(values).collect()
+    }
+
+    /// All expressions but those of nets.
+    pub(crate) fn texts(&self) -> impl Iterator<Item = &str> {
+        let outputs = self.outputs.values().map(|output| &output.expression);
+        let starts = self.algebraic.values().filter_map(|unknown| match &unknown.start {
+            Some(Start::Expression(text)) => Some(text),
+            Some(Start::Number(_)) | None => None,
+        });
+        let unknowns = self.algebraic.values().map(|unknown| &unknown.equation).chain(starts);
+        let texts = self.derivatives.values().chain(self.intermediates.values());
+        texts.chain(outputs).chain(unknowns).map(String::as_str)
+    }
+
     pub(crate) fn check_names(&self) -> Result<(), ExpressionError> {
         let mut taken: BTreeMap<&str, String> = BTreeMap::new();
-        let listed = |field: &'static str, variables: &[Variable]| {
-            let keys = variables.iter().enumerate();
-            keys.map(|(i, v)| (v.name.to_string(), format!("{field}[{i}]"))).collect::<Vec<_>>()
-        };
-        let (states, inputs) = (listed("states", &self.states), listed("inputs", &self.inputs));
-        let parameters = self.parameters.keys().map(|n| (n.clone(), format!("parameters.{n}")));
-        let intermediates = self.intermediates.keys().map(|n| (n.clone(), format!("let.{n}")));
-        let outputs = self.outputs.keys().map(|n| (n.clone(), format!("outputs.{n}")));
-        let unknowns = self.algebraic.keys().map(|n| (n.clone(), format!("algebraic.{n}")));
-        let listed = states.into_iter().chain(inputs).chain(unknowns);
-        let all: Vec<_> = listed.chain(parameters).chain(intermediates).chain(outputs).collect();
-        for (name, key) in &all {
-            if !lexer::is_valid_name(name) {
-                return Err(ExpressionProblem::Name(name.clone()).at(key));
-            }
-            if let Some(meaning) = parser::reserved(name) {
-                return Err(ExpressionProblem::Reserved { name: name.clone(), meaning }.at(key));
-            }
+        for Named { name, key, .. } in self.named() {
+            check_name(name).map_err(|problem| problem.at(&key))?;
             if let Some(first) = taken.insert(name, key.clone()) {
-                return Err(ExpressionProblem::Duplicate { name: name.clone(), first }.at(key));
+                return Err(ExpressionProblem::Duplicate { name: name.to_owned(), first }.at(key));
             }
         }
         for (name, &value) in &self.parameters {
@@ -59,15 +100,7 @@ impl Equations {
 
     /// Of these equations without arrays; `others` may have some.
     pub(crate) fn check_parameters_are_used(&self, others: &[&str]) -> Result<(), ExpressionError> {
-        let outputs = self.outputs.values().map(|output| &output.expression);
-        let starts = self.algebraic.values().filter_map(|unknown| match &unknown.start {
-            Some(Start::Expression(text)) => Some(text),
-            _ => None,
-        });
-        let unknowns = self.algebraic.values().map(|unknown| &unknown.equation).chain(starts);
-        let texts = self.derivatives.values().chain(self.intermediates.values());
-        let texts = texts.chain(outputs).chain(unknowns);
-        let mut used: BTreeSet<_> = texts.flat_map(|text| parser::names(text)).collect();
+        let mut used: BTreeSet<_> = self.texts().flat_map(parser::names).collect();
         let no_name = |c: char| !(c.is_alphanumeric() || c == '_');
         used.extend(others.iter().flat_map(|text| text.split(no_name)));
         let is_used = |name: &str| {

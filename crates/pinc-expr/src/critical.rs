@@ -137,26 +137,37 @@ impl CriticalTerms {
             Some(algebraic) => algebraic.with_unknowns(at),
             None => at.to_vec(),
         };
-        let mut all = Vec::with_capacity(self.nodes.len());
-        for node in &self.nodes {
-            let [a, b, c] = node.operands.map(|operand| operand.map_or(0.0, |value| all[value.0]));
-            all.push(match node.operation {
-                Operation::Variable(i) => with_unknowns[i],
-                operation => apply(operation, &a, &b, &c),
-            });
-        }
-        let of = |value: Option<Value>| value.map_or(0.0, |value| all[value.0]);
-        self.terms.iter().map(|term| of(term.values[0]) - of(term.values[1])).collect()
+        let all = evaluate(&self.nodes, &with_unknowns);
+        self.terms.iter().map(|term| difference(term.values, &all)).collect()
     }
+}
+
+/// The values of nodes at these variables.
+fn evaluate(nodes: &[Node], variables: &[f64]) -> Vec<f64> {
+    let mut all = Vec::with_capacity(nodes.len());
+    for node in nodes {
+        let [a, b, c] = node.operands.map(|operand| operand.map_or(0.0, |value| all[value.0]));
+        all.push(match node.operation {
+            Operation::Variable(i) => variables[i],
+            operation => apply(operation, &a, &b, &c),
+        });
+    }
+    all
+}
+
+/// What a term is, from the values of all nodes.
+fn difference(values: [Option<Value>; 2], all: &[f64]) -> f64 {
+    let [one, other] = values.map(|value| value.map_or(0.0, |value| all[value.0]));
+    one - other
 }
 
 /// One of the [`CriticalTerms`], computed without the others.
 #[derive(Clone, Debug)]
 pub struct LoneTerm<'a> {
-    /// What is computed, each with the places of its operands among these.
-    steps: Vec<(Operation, [usize; 3])>,
+    /// What is computed, with the operands among these.
+    nodes: Vec<Node>,
     /// Which of these the term is the difference of, or the one that it is.
-    values: [Option<usize>; 2],
+    values: [Option<Value>; 2],
     variables: Vec<usize>,
     operations: usize,
     /// If it depends on algebraic variables.
@@ -177,19 +188,16 @@ impl CriticalTerms {
         }
         let needed: Vec<Value> = needed.into_iter().collect();
         // Operands come before what is made of them, so that the order can stay.
-        let place = |value: Value| needed.binary_search(&value).unwrap_or_default();
-        let step = |value: &Value| {
+        let place = |value: Value| Value(needed.binary_search(&value).unwrap_or_default());
+        let node = |value: &Value| {
             let Node { operation, operands } = self.nodes[value.0];
-            (operation, operands.map(|operand| operand.map_or(0, place)))
+            Node { operation, operands: operands.map(|operand| operand.map(place)) }
         };
-        let steps: Vec<_> = needed.iter().map(step).collect();
-        let variable = |(operation, _): &(Operation, [usize; 3])| match operation {
-            Operation::Variable(variable) => Some(*variable),
-            _ => None,
-        };
-        let mut variables: Vec<usize> = steps.iter().filter_map(variable).collect();
+        let nodes: Vec<Node> = needed.iter().map(node).collect();
+        let mut variables: Vec<usize> =
+            nodes.iter().filter_map(|node| node.operation.variable()).collect();
         variables.sort_unstable();
-        let mut operations = steps.len();
+        let mut operations = nodes.len();
         let depends = |unknowns: &&Unknowns| variables.iter().any(|&i| i >= unknowns.variables);
         let unknowns = self.algebraic.as_ref().filter(depends);
         if let Some(unknowns) = unknowns {
@@ -197,7 +205,7 @@ impl CriticalTerms {
             operations += NEWTON_STEPS * self.nodes.len();
         }
         let values = self.terms[i].values.map(|value| value.map(place));
-        LoneTerm { steps, values, variables, operations, unknowns }
+        LoneTerm { nodes, values, variables, operations, unknowns }
     }
 }
 
@@ -211,16 +219,7 @@ impl LoneTerm<'_> {
     pub fn value(&self, at: &[f64]) -> f64 {
         let with_unknowns = self.unknowns.map(|unknowns| unknowns.with_unknowns(at));
         let at = with_unknowns.as_deref().unwrap_or(at);
-        let mut all = Vec::with_capacity(self.steps.len());
-        for &(operation, [a, b, c]) in &self.steps {
-            let operand = |place: usize| all.get(place).copied().unwrap_or_default();
-            all.push(match operation {
-                Operation::Variable(i) => at[i],
-                operation => apply(operation, &operand(a), &operand(b), &operand(c)),
-            });
-        }
-        let of = |value: Option<usize>| value.map_or(0.0, |value| all[value]);
-        of(self.values[0]) - of(self.values[1])
+        difference(self.values, &evaluate(&self.nodes, at))
     }
 
     /// The states and inputs that it depends on, counted together.

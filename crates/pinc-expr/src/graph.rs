@@ -47,6 +47,13 @@ pub(crate) enum Operation {
     Function(Function),
 }
 
+impl Operation {
+    /// The place of a variable among all.
+    pub(crate) fn variable(self) -> Option<usize> {
+        if let Self::Variable(place) = self { Some(place) } else { None }
+    }
+}
+
 /// The functions of one argument that equations may use, as
 /// [`Scalar`] defines them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -87,8 +94,9 @@ impl Function {
         ("sign", Self::Sign),
     ];
 
+    /// Its value at `a`.
     #[inline(always)]
-    pub(crate) fn of<S: Scalar>(self, a: S) -> S {
+    pub fn of<S: Scalar>(self, a: S) -> S {
         match self {
             Self::Sqrt => a.sqrt(),
             Self::Exp => a.exp(),

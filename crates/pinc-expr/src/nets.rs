@@ -133,12 +133,8 @@ impl Equations {
         if let Some(i) = net.layers.iter().position(|&size| size == 0) {
             return Err(ExpressionProblem::Size(0).at(format!("nets.{name}.layers[{i}]")));
         }
-        let outputs = self.outputs.values().map(|output| &output.expression);
-        let unknowns = self.algebraic.values().map(|unknown| &unknown.equation);
-        let texts = self.derivatives.values().chain(self.intermediates.values());
-        let inputs = self.nets.values().flat_map(|net| &net.inputs);
-        let texts = texts.chain(outputs).chain(unknowns).chain(inputs);
-        let used: BTreeSet<_> = texts.flat_map(|text| parser::names(text)).collect();
+        let inputs = self.nets.values().flat_map(|net| &net.inputs).map(String::as_str);
+        let used: BTreeSet<_> = self.texts().chain(inputs).flat_map(parser::names).collect();
         match net.outputs.iter().position(|output| !used.contains(output.as_str())) {
             Some(i) => Err(ExpressionProblem::UnusedOutput.at(format!("nets.{name}.outputs[{i}]"))),
             None => Ok(()),

@@ -5,7 +5,7 @@
 //! algorithm for the block triangularization of a matrix", ACM TOMS 4 (1978), the second.
 
 use crate::error::{Deficiency, ExpressionError, ExpressionProblem};
-use crate::graph::{Graph, Operation, Value};
+use crate::graph::{Graph, Value};
 use std::collections::BTreeSet;
 
 /// Equations that are solved at once, and as many unknowns.
@@ -17,20 +17,8 @@ pub(crate) struct Block {
 
 /// The variables that a value depends on.
 pub(crate) fn variables_of(graph: &Graph, value: Value) -> BTreeSet<usize> {
-    let mut needed = vec![false; value.0 + 1];
-    needed[value.0] = true;
-    let mut variables = BTreeSet::new();
-    for i in (0..=value.0).rev() {
-        if !needed[i] {
-            continue;
-        }
-        let node = &graph.nodes[i];
-        if let Operation::Variable(index) = node.operation {
-            variables.insert(index);
-        }
-        node.operands.iter().flatten().for_each(|operand| needed[operand.0] = true);
-    }
-    variables
+    let needed = graph.needed(&[value]).into_iter().zip(&graph.nodes);
+    needed.filter_map(|(is_needed, node)| node.operation.variable().filter(|_| is_needed)).collect()
 }
 
 /// The blocks, each after those whose unknowns it needs. The unknowns are the graph's variables

@@ -3,7 +3,7 @@
 use crate::map::Map;
 use crate::problem::StepError;
 use crate::rounding::to_f64;
-use pinc_expr::{Function, Instruction, Listing};
+use pinc_expr::{Instruction, Listing};
 use pinc_net::FoldedNet;
 use pinc_ode::Tableau;
 
@@ -80,23 +80,7 @@ fn evaluate(listing: &Listing, variables: &[f64], values: &mut [f64]) {
             Instruction::Where(a, b, c) => values[if values[a] <= 0.0 { b } else { c }],
             Instruction::Neg(a) => -values[a],
             Instruction::Power(a, p) => values[a].powf(p),
-            Instruction::Function(function, a) => apply(function, values[a]),
+            Instruction::Function(function, a) => function.of(values[a]),
         };
-    }
-}
-
-fn apply(function: Function, a: f64) -> f64 {
-    match function {
-        Function::Sqrt => a.sqrt(),
-        Function::Exp => a.exp(),
-        Function::Log => a.ln(),
-        Function::Sin => a.sin(),
-        Function::Cos => a.cos(),
-        Function::Tan => a.tan(),
-        Function::Tanh => a.tanh(),
-        Function::Atan => a.atan(),
-        Function::Abs => a.abs(),
-        Function::Sign if a == 0.0 => 0.0,
-        Function::Sign => a.signum(),
     }
 }

@@ -109,13 +109,9 @@ impl Equations {
     }
 
     fn has_arrays(&self) -> bool {
-        let variables = self.states.iter().chain(&self.inputs).map(|v| v.name.as_ref());
-        let tables = [&self.intermediates, &self.derivatives].into_iter().flatten();
-        let texts = tables.flat_map(|(name, text)| [name.as_str(), text]);
-        let outputs = self.outputs.iter().flat_map(|(name, y)| [name.as_str(), &y.expression]);
-        let unknowns = self.algebraic.iter().flat_map(|(name, z)| [name.as_str(), &z.equation]);
-        let mut all = variables.chain(texts).chain(outputs).chain(unknowns);
-        !self.sizes.is_empty() || all.any(|text| text.contains(['[', '=']))
+        let names = self.named().into_iter().map(|named| named.name);
+        let names = names.chain(self.derivatives.keys().map(String::as_str));
+        !self.sizes.is_empty() || names.chain(self.texts()).any(|text| text.contains(['[', '=']))
     }
 }
 
@@ -309,21 +305,14 @@ impl<'a> Unrolled<'a> {
 
     /// Drops elements of parameters that no expression has, if it has others of the same array.
     fn forget_unused_elements(&mut self) {
-        let Equations { intermediates, derivatives, outputs, parameters, algebraic, .. } =
-            &mut self.equations;
-        let outputs = outputs.values().map(|output| &output.expression);
-        let unknowns = algebraic.values().flat_map(|unknown| match &unknown.start {
-            Some(Start::Expression(start)) => vec![&unknown.equation, start],
-            _ => vec![&unknown.equation],
-        });
-        let texts = intermediates.values().chain(derivatives.values()).chain(outputs);
-        let texts = texts.chain(unknowns);
-        let used: BTreeSet<&str> = texts.flat_map(|text| parser::names(text)).collect();
+        let mut parameters = std::mem::take(&mut self.equations.parameters);
+        let used: BTreeSet<&str> = self.equations.texts().flat_map(parser::names).collect();
         let array = |name: &str| Variable::split_name(name).map(|(array, _)| array.to_owned());
         let arrays: BTreeSet<_> = used.iter().filter_map(|name| array(name)).collect();
         parameters.retain(|name, _| {
             used.contains(name.as_str()) || !array(name).is_some_and(|a| arrays.contains(&a))
         });
+        self.equations.parameters = parameters;
     }
 
     /// An error about plain equations as one about those that they come from.
