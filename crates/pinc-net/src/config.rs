@@ -1,5 +1,6 @@
 //! The choices of a training.
 
+use crate::error::{check, check_count, check_positive};
 use crate::loss::{InitialScale, LossWeights, ResidualScale};
 use crate::optim::{AutoConfig, OptimizerConfig};
 use crate::sampling::Sampler;
@@ -175,53 +176,32 @@ impl TrainingConfig {
     ///
     /// [`NetError::Setting`] for one that makes no sense.
     pub fn validate(&self) -> Result<(), NetError> {
-        let count = |key, value: u64| {
-            if value == 0 {
-                let found = value.to_string();
-                return Err(NetError::Setting { key, found, expected: "at least 1" });
-            }
-            Ok(())
-        };
-        if self.source == TrainingTarget::Integrator && self.sampler == Sampler::CoupledGrid {
-            let (key, found) = ("sampler", "coupled-grid".to_owned());
-            let expected = "\"sobol\" or \"independent\" with source = \"integrator\"";
-            return Err(NetError::Setting { key, found, expected });
-        }
+        let of_integrator = self.source == TrainingTarget::Integrator;
+        let is_sampled = !(of_integrator && self.sampler == Sampler::CoupledGrid);
+        let expected = "\"sobol\" or \"independent\" with source = \"integrator\"";
+        check(is_sampled, "sampler", "coupled-grid", expected)?;
         if let Some(weight) = self.derivatives {
-            let expected = match self.source {
-                TrainingTarget::Physics => Some("no such key without source = \"integrator\""),
-                TrainingTarget::Integrator if weight > 0.0 && weight.is_finite() => None,
-                TrainingTarget::Integrator => Some("a positive number"),
-            };
-            if let Some(expected) = expected {
-                let (key, found) = ("derivatives", weight.to_string());
-                return Err(NetError::Setting { key, found, expected });
-            }
+            let expected = "no such key without source = \"integrator\"";
+            check(of_integrator, "derivatives", weight, expected)?;
+            check_positive("derivatives", weight)?;
         }
-        count("collocation_points", self.collocation_points as u64)?;
-        count("initial_points", self.initial_points as u64)?;
-        count("validation_every", self.validation_every)?;
-        count("phases", self.phases.len() as u64)?;
+        check_count("collocation_points", self.collocation_points)?;
+        check_count("initial_points", self.initial_points)?;
+        check(self.validation_every > 0, "validation_every", self.validation_every, "at least 1")?;
+        check_count("phases", self.phases.len())?;
         for phase in &self.phases {
             phase.optimizer.validate()?;
         }
-        if let Some(target) = self.target_one_step_rms
-            && !(target > 0.0 && target.is_finite())
-        {
-            let (key, found) = ("target_one_step_rms", target.to_string());
-            return Err(NetError::Setting { key, found, expected: "a positive number" });
+        if let Some(target) = self.target_one_step_rms {
+            check_positive("target_one_step_rms", target)?;
         }
         if let Some(growth) = &self.growth {
-            count("growth.check_every", growth.check_every)?;
-            count("growth.fresh_points", growth.fresh_points as u64)?;
-            if growth.factor < 2 {
-                let (key, found) = ("growth.factor", growth.factor.to_string());
-                return Err(NetError::Setting { key, found, expected: "at least 2" });
-            }
-            if growth.overfit_ratio.is_nan() || growth.overfit_ratio <= 1.0 {
-                let (key, found) = ("growth.overfit_ratio", growth.overfit_ratio.to_string());
-                return Err(NetError::Setting { key, found, expected: "a number above 1" });
-            }
+            let GrowthConfig { factor, overfit_ratio, check_every, .. } = *growth;
+            check(check_every > 0, "growth.check_every", check_every, "at least 1")?;
+            check_count("growth.fresh_points", growth.fresh_points)?;
+            check(factor >= 2, "growth.factor", factor, "at least 2")?;
+            let key = "growth.overfit_ratio";
+            check(overfit_ratio > 1.0, key, overfit_ratio, "a number above 1")?;
         }
         Ok(())
     }

@@ -1,6 +1,7 @@
 //! The box of states, inputs and parameters that a net is trained on.
 
 use crate::NetError;
+use crate::error::{check, check_length, check_numbers};
 use pinc_ode::{Dims, DynRhs};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -130,38 +131,22 @@ impl Domain {
             ("input_high", &self.input_high, dims.nu, "input"),
         ];
         for (key, values, expected, per) in ends {
-            if values.len() != expected {
-                return Err(NetError::Dimension { key, found: values.len(), expected, per });
-            }
-            if let Some(bad) = values.iter().find(|v| !v.is_finite()) {
-                let expected = "finite numbers";
-                return Err(NetError::Setting { key, found: bad.to_string(), expected });
-            }
+            check_numbers(key, values, expected, per)?;
         }
         for (key, low, high) in [
             ("state_low", &self.state_low, &self.state_high),
             ("input_low", &self.input_low, &self.input_high),
         ] {
-            if let Some((low, high)) = low.iter().zip(high).find(|(low, high)| low >= high) {
+            for (low, high) in low.iter().zip(high) {
                 let found = format!("{low} (upper end {high})");
-                return Err(NetError::Setting { key, found, expected: "less than the upper end" });
+                check(low < high, key, found, "less than the upper end")?;
             }
         }
-        if self.parameters.len() != dims.np {
-            let (key, found) = ("parameters", self.parameters.len());
-            return Err(NetError::Dimension {
-                key,
-                found,
-                expected: dims.np,
-                per: "parameter that varies",
-            });
-        }
+        check_length("parameters", self.parameters.len(), dims.np, "parameter that varies")?;
         for ParameterRange { name, low, high } in &self.parameters {
-            if !(low < high && low.is_finite() && high.is_finite()) {
-                let (key, found) = ("parameters", format!("{name} = [{low}, {high}]"));
-                let expected = "a lower end, and a larger upper end";
-                return Err(NetError::Setting { key, found, expected });
-            }
+            let is_good = low < high && low.is_finite() && high.is_finite();
+            let found = format!("{name} = [{low}, {high}]");
+            check(is_good, "parameters", found, "a lower end, and a larger upper end")?;
         }
         Ok(())
     }

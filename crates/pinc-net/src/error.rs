@@ -2,6 +2,7 @@
 
 use pinc_ode::OdeError;
 use std::error::Error as StdError;
+use std::fmt::Display;
 use thiserror::Error;
 
 /// The error of a library below, whose type is not part of this crate's interface.
@@ -90,6 +91,54 @@ pub enum NetError {
     /// The worker threads could not be started.
     #[error("cannot start the worker threads: {0}")]
     Threads(#[source] Source),
+}
+
+/// Checks a setting.
+pub(crate) fn check(
+    is_good: bool,
+    key: &'static str,
+    found: impl Display,
+    expected: &'static str,
+) -> Result<(), NetError> {
+    match is_good {
+        true => Ok(()),
+        false => Err(NetError::Setting { key, found: found.to_string(), expected }),
+    }
+}
+
+/// Checks that a setting is a positive number.
+pub(crate) fn check_positive(key: &'static str, value: f64) -> Result<(), NetError> {
+    check(value > 0.0 && value.is_finite(), key, value, "a positive number")
+}
+
+/// Checks that a setting is no zero.
+pub(crate) fn check_count(key: &'static str, value: usize) -> Result<(), NetError> {
+    check(value > 0, key, value, "at least 1")
+}
+
+/// Checks that there are as many numbers as there have to be.
+pub(crate) fn check_length(
+    key: &'static str,
+    found: usize,
+    expected: usize,
+    per: &'static str,
+) -> Result<(), NetError> {
+    match found == expected {
+        true => Ok(()),
+        false => Err(NetError::Dimension { key, found, expected, per }),
+    }
+}
+
+/// Checks that there are as many numbers as there have to be, and that they are finite.
+pub(crate) fn check_numbers(
+    key: &'static str,
+    values: &[f64],
+    expected: usize,
+    per: &'static str,
+) -> Result<(), NetError> {
+    check_length(key, values.len(), expected, per)?;
+    let bad = values.iter().find(|v| !v.is_finite());
+    bad.map_or(Ok(()), |bad| check(false, key, bad, "finite numbers"))
 }
 
 /// An error in a model file.

@@ -1,5 +1,6 @@
 //! The targets of a distilled net: the plant's states after T, and their derivatives.
 
+use crate::error::check;
 use crate::sampling::{Points, Purpose, rng};
 use crate::{Ansatz, Measurements, NetError, PincNet, TrainingTarget, Workers};
 use pinc_ode::{DynRhs, Simulator, Tangent};
@@ -46,12 +47,10 @@ impl Labels {
         if net.source == TrainingTarget::Physics {
             return Ok(None);
         }
-        if net.ansatz != Ansatz::HardLinear || net.time_only.is_some() {
-            let (key, found) = ("source", "integrator".to_owned());
-            let expected =
-                "\"physics\" for a net of one scenario or without the hard initial condition";
-            return Err(NetError::Setting { key, found, expected });
-        }
+        let is_known = net.ansatz == Ansatz::HardLinear && net.time_only.is_none();
+        let expected =
+            "\"physics\" for a net of one scenario or without the hard initial condition";
+        check(is_known, "source", "integrator", expected)?;
         let source = match with_derivatives.then(|| Tangent::new(plant, TOLERANCE)) {
             None => Source::Values(Simulator::new(plant, TOLERANCE)),
             Some(Some(tangent)) => {

@@ -1,5 +1,6 @@
 //! The PINC loss, Eqs. (`mse_y_pinc`) and (`mse_F_pinc`), in its readable form.
 
+use crate::error::{check_length, check_positive};
 use crate::mlp::to_f64;
 use crate::net::PincNet;
 use crate::sampling::Points;
@@ -88,16 +89,10 @@ impl LossWeights {
             InitialScale::Normalized => deviation.iter().map(|d| 1.0 / d).collect(),
             InitialScale::Displacement => displacement.iter().map(|d| 1.0 / d).collect(),
         };
-        if residual_scale.len() != states {
-            let (key, found) = ("residual_scale", residual_scale.len());
-            return Err(NetError::Dimension { key, found, expected: states, per: "state" });
-        }
-        let factors = residual_scale.iter().map(|&factor| ("residual_scale", factor));
-        for (key, value) in std::iter::once(("lambda", lambda)).chain(factors) {
-            if !(value > 0.0 && value.is_finite()) {
-                let found = value.to_string();
-                return Err(NetError::Setting { key, found, expected: "a positive number" });
-            }
+        check_length("residual_scale", residual_scale.len(), states, "state")?;
+        check_positive("lambda", lambda)?;
+        for factor in &residual_scale {
+            check_positive("residual_scale", *factor)?;
         }
         Ok(Self { lambda, residual_scale, initial_scale, derivatives: 1.0 })
     }
@@ -166,11 +161,8 @@ pub fn reference_residuals<S: Scalar, P: Plant>(
     let lifted: Vec<Dual<S>> = parameters.iter().map(|&w| Dual::lift(w)).collect();
     let mut physics = Vec::new();
     for k in 0..collocation.len() {
-        let constant = |v: &f64| Dual::lift(context.constant(*v));
-        let y0: Vec<_> = collocation.state(k).iter().map(constant).collect();
-        let u: Vec<_> = collocation.input(k).iter().map(constant).collect();
+        let [y0, u, p] = collocation.lifted(k, |v| Dual::lift(context.constant(v)));
         let t = Dual::variable(context.constant(collocation.time(k)), 0);
-        let p: Vec<_> = collocation.parameters(k).iter().map(constant).collect();
         let y = net.state(&lifted, t, &y0, &u, &p);
         let mut f = vec![Dual::lift(context.constant(0.0)); nx];
         plant.rhs(&y, &u, &p, &mut f);
@@ -180,10 +172,7 @@ pub fn reference_residuals<S: Scalar, P: Plant>(
     }
     let mut data = Vec::new();
     for j in 0..initial.len() {
-        let constant = |v: &f64| context.constant(*v);
-        let y0: Vec<_> = initial.state(j).iter().map(constant).collect();
-        let u: Vec<_> = initial.input(j).iter().map(constant).collect();
-        let p: Vec<_> = initial.parameters(j).iter().map(constant).collect();
+        let [y0, u, p] = initial.lifted(j, |v| context.constant(v));
         let y = net.state(parameters, context.constant(initial.time(j)), &y0, &u, &p);
         let share = share(initial.len(), 1.0);
         data.extend((0..nx).map(|i| (y[i] - y0[i]) * weights.initial_scale[i] * share));
@@ -210,10 +199,7 @@ pub fn reference_measured<S: Scalar>(
     let points = measurements.points();
     let mut residuals = Vec::new();
     for k in 0..points.len() {
-        let constant = |v: &f64| context.constant(*v);
-        let y0: Vec<_> = points.state(k).iter().map(constant).collect();
-        let u: Vec<_> = points.input(k).iter().map(constant).collect();
-        let p: Vec<_> = points.parameters(k).iter().map(constant).collect();
+        let [y0, u, p] = points.lifted(k, |v| context.constant(v));
         let t = context.constant(points.time(k));
         let y = net.state(parameters, t, &y0, &u, &p);
         for (i, measured) in measurements.state(k).iter().enumerate() {

@@ -1,5 +1,6 @@
 //! The PINC net: a perceptron with its normalization, ansatz and domain.
 
+use crate::error::{check, check_count, check_numbers};
 use crate::mlp::MlpConfig;
 use crate::sampling::{Points, Purpose, Sampler, rng};
 use crate::{Ansatz, Domain, Mlp, NetError, Normalizer, TrainingTarget};
@@ -70,34 +71,15 @@ impl NetConfig {
     ///
     /// [`NetError::Setting`] or [`NetError::Dimension`].
     pub fn validate(&self, dims: Dims) -> Result<(), NetError> {
-        if !(self.sample_time_s > 0.0 && self.sample_time_s.is_finite()) {
-            let (key, found) = ("horizon_s", self.sample_time_s.to_string());
-            return Err(NetError::Setting { key, found, expected: "a positive number of seconds" });
-        }
-        for (key, value) in [("hidden_layers", self.hidden_layers), ("neurons", self.neurons)] {
-            if value == 0 {
-                let found = value.to_string();
-                return Err(NetError::Setting { key, found, expected: "at least 1" });
-            }
-        }
-        if let Some(scenario) = &self.time_only {
-            if dims.np > 0 {
-                let (key, found) = ("time_only", "a scenario".to_owned());
-                let expected = "nothing for a net of a family of plants";
-                return Err(NetError::Setting { key, found, expected });
-            }
-            for (key, values, expected, per) in [
-                ("time_only.initial_state", &scenario.initial_state, dims.nx, "state"),
-                ("time_only.input", &scenario.input, dims.nu, "input"),
-            ] {
-                if values.len() != expected {
-                    return Err(NetError::Dimension { key, found: values.len(), expected, per });
-                }
-                if let Some(bad) = values.iter().find(|v| !v.is_finite()) {
-                    let found = bad.to_string();
-                    return Err(NetError::Setting { key, found, expected: "finite numbers" });
-                }
-            }
+        let t = self.sample_time_s;
+        check(t > 0.0 && t.is_finite(), "horizon_s", t, "a positive number of seconds")?;
+        check_count("hidden_layers", self.hidden_layers)?;
+        check_count("neurons", self.neurons)?;
+        if let Some(Scenario { initial_state, input }) = &self.time_only {
+            let expected = "nothing for a net of a family of plants";
+            check(dims.np == 0, "time_only", "a scenario", expected)?;
+            check_numbers("time_only.initial_state", initial_state, dims.nx, "state")?;
+            check_numbers("time_only.input", input, dims.nu, "input")?;
         }
         Ok(())
     }

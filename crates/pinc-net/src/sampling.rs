@@ -121,6 +121,12 @@ impl Points {
     pub fn parameters(&self, i: usize) -> &[f64] {
         &self.p[i * self.parameters..(i + 1) * self.parameters]
     }
+
+    /// State, input and parameters of point `i` as other numbers.
+    pub(crate) fn lifted<S>(&self, i: usize, lift: impl Fn(f64) -> S) -> [Vec<S>; 3] {
+        let all = [self.state(i), self.input(i), self.parameters(i)];
+        all.map(|values| values.iter().map(|v| lift(*v)).collect())
+    }
 }
 
 impl Sampler {

@@ -1,5 +1,6 @@
 //! Training: Algorithm 1 of the paper, with a sample that can grow.
 
+use crate::error::{check, check_length, check_positive};
 use crate::kernel::UnknownParameter;
 use crate::labels::Labels;
 use crate::loss::LossTerms;
@@ -158,18 +159,13 @@ impl Trainer {
     /// trained on an integrator instead of the equation.
     pub fn with_unknown(mut self, family: &dyn DynRhs, start: &[f64]) -> Result<Self, NetError> {
         let (key, per) = ("data.parameters", "unknown parameter");
-        if start.len() != family.dims().np {
-            let (found, expected) = (start.len(), family.dims().np);
-            return Err(NetError::Dimension { key, found, expected, per });
+        check_length(key, start.len(), family.dims().np, per)?;
+        for start in start {
+            check(start.is_finite(), key, start, "a number")?;
         }
-        if let Some(bad) = start.iter().find(|start| !start.is_finite()) {
-            return Err(NetError::Setting { key, found: bad.to_string(), expected: "a number" });
-        }
-        if self.net.dims().np > 0 || self.labels.is_some() {
-            let found = "unknown parameters".to_owned();
-            let expected = "none for a net that takes parameters, or is trained on an integrator";
-            return Err(NetError::Setting { key, found, expected });
-        }
+        let is_plain = self.net.dims().np == 0 && self.labels.is_none();
+        let expected = "none for a net that takes parameters, or is trained on an integrator";
+        check(is_plain, key, "unknown parameters", expected)?;
         let weights = self.config.weights(&self.net)?;
         let loss = || BatchLoss::inverse(family, &self.net, &weights, start, &self.workers);
         let (mut fresh, loss) = (self.fresh.is_some().then(loss), loss());
@@ -208,18 +204,9 @@ impl Trainer {
         measurements: &Measurements,
         weight: f64,
     ) -> Result<Self, NetError> {
-        if measurements.values() == 0 {
-            let (key, found) = ("data", "no usable value".to_owned());
-            return Err(NetError::Setting { key, found, expected: "at least one" });
-        }
-        if self.labels.is_some() {
-            let (key, found) = ("source", "integrator".to_owned());
-            return Err(NetError::Setting { key, found, expected: "\"physics\" with [data]" });
-        }
-        if !(weight > 0.0 && weight.is_finite()) {
-            let (key, found) = ("data.weight", weight.to_string());
-            return Err(NetError::Setting { key, found, expected: "a positive number" });
-        }
+        check(measurements.values() > 0, "data", "no usable value", "at least one")?;
+        check(self.labels.is_none(), "source", "integrator", "\"physics\" with [data]")?;
+        check_positive("data.weight", weight)?;
         self.loss.set_measurements(measurements, weight);
         self.sample()?;
         self.reevaluate();

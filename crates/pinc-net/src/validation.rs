@@ -1,5 +1,6 @@
 //! The errors of a net against an accurate integration.
 
+use crate::error::{check, check_count};
 use crate::mlp::to_f64;
 use crate::sampling::{Purpose, Sampler, rng};
 use crate::{Domain, Measurements, NetError, PincNet, Scenario, TrainingTarget};
@@ -99,22 +100,15 @@ impl ValidationConfig {
             ("subintervals", self.subintervals),
             ("one_step_points", self.one_step_points),
         ] {
-            if value == 0 {
-                let found = value.to_string();
-                return Err(NetError::Setting { key, found, expected: "at least 1" });
-            }
+            check_count(key, value)?;
         }
-        if !(self.tolerance > 0.0 && self.tolerance < 1.0) {
-            let (key, found) = ("tolerance", self.tolerance.to_string());
-            return Err(NetError::Setting { key, found, expected: "a number between 0 and 1" });
-        }
+        let tolerance = self.tolerance;
+        let is_good = tolerance > 0.0 && tolerance < 1.0;
+        check(is_good, "tolerance", tolerance, "a number between 0 and 1")?;
         let steps = (self.duration_s / sample_time_s).round();
-        if !((1.0..1e9).contains(&steps)
-            && (steps * sample_time_s - self.duration_s).abs() <= 1e-9 * self.duration_s)
-        {
-            let (key, found) = ("duration_s", self.duration_s.to_string());
-            return Err(NetError::Setting { key, found, expected: "whole steps of horizon_s" });
-        }
+        let is_whole = (1.0..1e9).contains(&steps)
+            && (steps * sample_time_s - self.duration_s).abs() <= 1e-9 * self.duration_s;
+        check(is_whole, "duration_s", self.duration_s, "whole steps of horizon_s")?;
         #[expect(clippy::cast_possible_truncation, reason = "a whole number in range, see above")]
         Ok(steps as usize)
     }
@@ -187,18 +181,7 @@ impl ValidationSet {
                 integrate(&mut integrator, points.state(i).to_vec(), held, sample_time_s, 1)
             })
             .collect::<Result<_, _>>()?;
-        let (subintervals, scale) = (config.subintervals, config.scale(states));
-        let held_out = None;
-        Ok(Self {
-            states,
-            steps,
-            subintervals,
-            sample_time_s,
-            scale,
-            scenarios,
-            one_step,
-            held_out,
-        })
+        Ok(Self::of(config, (sample_time_s, steps), states, [scenarios, one_step]))
     }
 
     /// The one scenario of a conventional PINN, over one T.
@@ -213,26 +196,26 @@ impl ValidationSet {
         scenario: &Scenario,
     ) -> Result<Self, NetError> {
         config.validate(plant.dims(), sample_time_s)?;
-        let (states, subintervals) = (plant.dims().nx, config.subintervals);
+        let states = plant.dims().nx;
         let mut integrator = Simulator::new(plant, config.tolerance);
         let mut trial = |parts| {
             let held = Held { inputs: vec![scenario.input.clone()], parameters: Vec::new() };
             let initial = scenario.initial_state.clone();
             integrate(&mut integrator, initial, held, sample_time_s, parts)
         };
-        let (scenarios, one_step) = (vec![trial(subintervals)?], vec![trial(1)?]);
-        let scale = config.scale(states);
-        let (steps, held_out) = (1, None);
-        Ok(Self {
-            states,
-            steps,
-            subintervals,
-            sample_time_s,
-            scale,
-            scenarios,
-            one_step,
-            held_out,
-        })
+        let trials = [vec![trial(config.subintervals)?], vec![trial(1)?]];
+        Ok(Self::of(config, (sample_time_s, 1), states, trials))
+    }
+
+    fn of(
+        config: &ValidationConfig,
+        (sample_time_s, steps): (f64, usize),
+        states: usize,
+        [scenarios, one_step]: [Vec<TrueTrajectory>; 2],
+    ) -> Self {
+        let (subintervals, scale) = (config.subintervals, config.scale(states));
+        let held_out = None;
+        Self { states, steps, subintervals, sample_time_s, scale, scenarios, one_step, held_out }
     }
 
     /// Adds held-out measurements.

@@ -72,14 +72,13 @@ impl PincModel {
 
     /// Runs the net from one (x, u, p), or from [`SIDE_BY_SIDE`] of them, with the tangents of the
     /// first `tangents` of their numbers; the results are in the columns returned.
-    fn run(&mut self, Stages { x, u, p }: Stages<'_>, tangents: usize) -> &Columns {
-        let Dims { nx: n, nu: m, np, .. } = self.dims;
-        let Self { layout, columns, isa, .. } = self;
+    fn run(&mut self, at: Stages<'_>, tangents: usize) -> &Columns {
+        let Self { dims, layout, columns, isa, .. } = self;
         columns.set_tangents(tangents);
-        let points = x.len() / n;
+        let points = at.x.len() / dims.nx;
         for point in 0..points {
-            let part = |width: usize| point * width..(point + 1) * width;
-            columns.start(point, [&x[part(n)], &u[part(m)], &p[part(np)]]);
+            let Stages { x, u, p } = at.point(point, *dims);
+            columns.start(point, [x, u, p]);
         }
         match points {
             1 => isa.dispatch(Step::<1> { layout, columns }),
@@ -152,22 +151,16 @@ impl Model for PincModel {
                 left if left < SIDE_BY_SIDE => 1,
                 _ => SIDE_BY_SIDE,
             };
-            let part = |width: usize| first * width..(first + points) * width;
-            let here = Stages { x: &at.x[part(n)], u: &at.u[part(m)], p: &at.p[part(np)] };
+            let range = first..first + points;
+            let here = at.points(range.clone(), self.dims);
             if left >= lanes / 2 {
-                let e = if out.e.is_empty() { 0..0 } else { part(n * np) };
-                let out = Linearization {
-                    next: &mut out.next[part(n)],
-                    a: &mut out.a[part(n * n)],
-                    b: &mut out.b[part(n * m)],
-                    e: &mut out.e[e],
-                };
+                let out = out.points(range, self.dims);
                 let Self { layout, cells, dims, isa, .. } = self;
                 isa.dispatch(Batched { layout, cells, dims: *dims, tangents, at: here, out });
             } else {
                 self.run(here, tangents);
                 for point in 0..points {
-                    let x = &here.x[point * n..(point + 1) * n];
+                    let x = here.point(point, self.dims).x;
                     self.results(point, x, out.point(first + point, self.dims));
                 }
             }

@@ -1,7 +1,8 @@
 //! Adam.
 
-use super::{Iterate, Objective, Outcome, check};
+use super::{Iterate, Objective, Outcome};
 use crate::NetError;
+use crate::error::{check, check_positive};
 use serde::{Deserialize, Serialize};
 
 /// Settings of Adam: Kingma and Ba, "Adam: a method for stochastic optimization" (2014).
@@ -43,11 +44,11 @@ impl AdamConfig {
     }
 
     pub(super) fn validate(&self) -> Result<(), NetError> {
-        let positive = |v: f64| v > 0.0 && v.is_finite();
-        check("learning_rate", self.learning_rate, positive, "a positive number")?;
-        check("beta1", self.beta1, |v| (0.0..1.0).contains(&v), "a number in [0, 1)")?;
-        check("beta2", self.beta2, |v| (0.0..1.0).contains(&v), "a number in [0, 1)")?;
-        check("epsilon", self.epsilon, positive, "a positive number")
+        check_positive("learning_rate", self.learning_rate)?;
+        for (key, beta) in [("beta1", self.beta1), ("beta2", self.beta2)] {
+            check((0.0..1.0).contains(&beta), key, beta, "a number in [0, 1)")?;
+        }
+        check_positive("epsilon", self.epsilon)
     }
 }
 

@@ -1,10 +1,11 @@
 //! Limited-memory BFGS.
 
 use super::{
-    GRADIENT_TOLERANCE, Iterate, LineSearch, Objective, Outcome, Scratch, check, dot, norm, set,
+    GRADIENT_TOLERANCE, Iterate, LineSearch, Objective, Outcome, Scratch, check_gradient_tolerance,
+    dot, norm, set,
 };
 use crate::NetError;
-use crate::mlp::to_f64;
+use crate::error::check_count;
 use serde::{Deserialize, Serialize};
 use std::collections::VecDeque;
 
@@ -30,9 +31,8 @@ impl Default for LbfgsConfig {
 
 impl LbfgsConfig {
     pub(super) fn validate(&self) -> Result<(), NetError> {
-        check("memory", to_f64(self.memory), |v| v > 0.0, "at least 1")?;
-        let tolerance = self.gradient_tolerance;
-        check("gradient_tolerance", tolerance, |v| v >= 0.0, "a number that is not negative")
+        check_count("memory", self.memory)?;
+        check_gradient_tolerance(self.gradient_tolerance)
     }
 }
 

@@ -1,7 +1,10 @@
 //! Levenberg-Marquardt.
 
-use super::{GRADIENT_TOLERANCE, Iterate, LeastSquares, Outcome, Scratch, check};
+use super::{
+    GRADIENT_TOLERANCE, Iterate, LeastSquares, Outcome, Scratch, check_gradient_tolerance,
+};
 use crate::NetError;
+use crate::error::check_positive;
 use faer::dyn_stack::{MemBuffer, MemStack, StackReq};
 use faer::linalg::cholesky::llt::{factor, solve};
 use faer::{Mat, MatRef, Par, Spec};
@@ -39,10 +42,8 @@ const MIN_DAMPING: f64 = f64::EPSILON;
 
 impl LevenbergMarquardtConfig {
     pub(super) fn validate(&self) -> Result<(), NetError> {
-        let positive = |v: f64| v > 0.0 && v.is_finite();
-        check("initial_damping", self.initial_damping, positive, "a positive number")?;
-        let tolerance = self.gradient_tolerance;
-        check("gradient_tolerance", tolerance, |v| v >= 0.0, "a number that is not negative")
+        check_positive("initial_damping", self.initial_damping)?;
+        check_gradient_tolerance(self.gradient_tolerance)
     }
 }
 

@@ -18,6 +18,7 @@ pub use levenberg_marquardt::LevenbergMarquardtConfig;
 pub use line_search::LineSearch;
 pub use self_scaled_broyden::SelfScaledBroydenConfig;
 
+use crate::error::check;
 use crate::{NetError, Workers};
 use adam::Adam;
 use lbfgs::Lbfgs;
@@ -270,15 +271,6 @@ fn norm(a: &[f64]) -> f64 {
     dot(a, a).sqrt()
 }
 
-/// The setting `key`, which must satisfy `valid`.
-fn check(
-    key: &'static str,
-    value: f64,
-    valid: impl Fn(f64) -> bool,
-    expected: &'static str,
-) -> Result<(), NetError> {
-    if valid(value) {
-        return Ok(());
-    }
-    Err(NetError::Setting { key, found: value.to_string(), expected })
+fn check_gradient_tolerance(tolerance: f64) -> Result<(), NetError> {
+    check(tolerance >= 0.0, "gradient_tolerance", tolerance, "a number that is not negative")
 }

@@ -2,8 +2,10 @@
 
 use super::inverse_hessian::InverseHessian;
 use super::{
-    GRADIENT_TOLERANCE, Iterate, LineSearch, Objective, Outcome, Scratch, check, dot, norm, set,
+    GRADIENT_TOLERANCE, Iterate, LineSearch, Objective, Outcome, Scratch, check_gradient_tolerance,
+    dot, norm, set,
 };
+use crate::error::check_positive;
 use crate::mlp::to_f64;
 use crate::{NetError, Workers};
 use serde::{Deserialize, Serialize};
@@ -32,10 +34,8 @@ impl Default for SelfScaledBroydenConfig {
 
 impl SelfScaledBroydenConfig {
     pub(super) fn validate(&self) -> Result<(), NetError> {
-        let positive = |v: f64| v > 0.0 && v.is_finite();
-        check("initial_step", self.initial_step, positive, "a positive number")?;
-        let tolerance = self.gradient_tolerance;
-        check("gradient_tolerance", tolerance, |v| v >= 0.0, "a number that is not negative")
+        check_positive("initial_step", self.initial_step)?;
+        check_gradient_tolerance(self.gradient_tolerance)
     }
 }
 
