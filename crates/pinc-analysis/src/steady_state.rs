@@ -40,6 +40,17 @@ pub enum HeldPoint {
     Nowhere(Option<OperatingPoint>),
 }
 
+impl HeldPoint {
+    /// The steady state, within the bounds or outside of them.
+    #[must_use]
+    pub fn steady(&self) -> Option<&OperatingPoint> {
+        match self {
+            Self::Within(point) | Self::Outside(point) => Some(point),
+            Self::Nowhere(_) => None,
+        }
+    }
+}
+
 /// A search for steady states of a plant in and around a region.
 ///
 /// It prefers steady states in the region, and among these the one nearest to `near`.

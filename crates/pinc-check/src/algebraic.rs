@@ -1,5 +1,6 @@
 //! Checks that the algebraic equations have one root all over the region.
 
+use crate::numbers::ends;
 use crate::{Finding, Subject, named, short};
 use pinc_analysis::OperatingPoint;
 use pinc_config::PlantSpec;
@@ -41,11 +42,7 @@ impl Roots<'_> {
     fn ranges(&self) -> Option<Finding> {
         self.solved.first()?;
         let range = |(i, name): (usize, &String)| {
-            let values = self.solved.iter().map(|(_, root)| root.values[i]);
-            let (low, high) = values
-                .fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), value| {
-                    (low.min(value), high.max(value))
-                });
+            let (low, high) = ends(self.solved.iter().map(|(_, root)| root.values[i]));
             format!("{name} from {} to {}", short(low), short(high))
         };
         let ranges: Vec<_> = self.equations.names().iter().enumerate().map(range).collect();

@@ -2,7 +2,7 @@
 
 use crate::groups::groups;
 use crate::{Finding, MOST_REFERENCES, Subject, short};
-use pinc_analysis::{HeldPoint, OperatingPoint};
+use pinc_analysis::OperatingPoint;
 use pinc_config::{ControlSpec, Variables};
 use pinc_net::Domain;
 use std::ops::Range;
@@ -111,11 +111,8 @@ fn outputs(subject: &Subject<'_>, control: &ControlSpec) -> Vec<Finding> {
         }
     }
     for held in &subject.holds {
-        let OperatingPoint { x, u } = match (&held.kept, &held.point) {
-            (Some(kept), _) => &kept.point,
-            (None, HeldPoint::Within(point) | HeldPoint::Outside(point)) => point,
-            (None, HeldPoint::Nowhere(_)) => continue,
-        };
+        let kept = held.kept.as_ref().map(|kept| &kept.point);
+        let Some(OperatingPoint { x, u }) = kept.or(held.point.steady()) else { continue };
         let mut y = vec![0.0; variables.len()];
         subject.plant.output(x, u, &[], &mut y);
         for (i, value) in y.into_iter().enumerate() {

@@ -16,10 +16,25 @@ const PART: f64 = 0.01;
 
 /// The estimator of the loop, and what it is for.
 #[derive(Clone, Copy)]
-struct Estimating<'a> {
-    subject: &'a Subject<'a>,
-    control: &'a ControlSpec,
-    estimator: &'a EstimatorSpec,
+pub(crate) struct Estimating<'a> {
+    pub(crate) subject: &'a Subject<'a>,
+    pub(crate) control: &'a ControlSpec,
+    pub(crate) estimator: &'a EstimatorSpec,
+}
+
+impl Estimating<'_> {
+    /// The estimator's model with this integrator; `None` if there is none.
+    pub(crate) fn model(self, integrator: Integrator, substeps: usize) -> Option<Augmented> {
+        let Self { subject, control, estimator } = self;
+        let variables = Variables::of(subject.plant);
+        let measurement = control.measurement.clone().unwrap_or_default();
+        let LoopParameters { names, values, estimated } = subject.experiment.loop_parameters();
+        let plant = subject.experiment.plant.family(&names);
+        let model = plant.model(integrator, subject.step_s(), substeps).ok()?;
+        let parameters = (&values[..], &estimated[..]);
+        let augmentation = estimator.augmentation(&measurement, &variables, parameters);
+        Augmented::new(model, augmentation).ok()
+    }
 }
 
 pub(crate) fn examine(subject: &Subject<'_>) -> Vec<Finding> {
@@ -40,7 +55,7 @@ pub(crate) fn examine(subject: &Subject<'_>) -> Vec<Finding> {
     findings.extend(offset(control, estimator, (&variables, &names), &measured));
     if let Some(Ok(rehearsal)) = &subject.evidence.rehearsal {
         let marks = marks(rehearsal, subject.step_s());
-        findings.extend(gate::examine(subject, (control, estimator), (rehearsal, &marks)));
+        findings.extend(gate::examine(estimating, (rehearsal, &marks)));
     }
     let points = subject.operating_points();
     // A plant that moves on while its references are kept is looked at along its way.
@@ -161,12 +176,8 @@ fn at_rest(of: Estimating<'_>, names: &[String], point: &OperatingPoint) -> Vec<
 /// What cannot be told apart along the rehearsed loop.
 fn along_the_loop(of: Estimating<'_>, names: &[String]) -> Vec<Finding> {
     let Some(Ok(rehearsal)) = &of.subject.evidence.rehearsal else { return Vec::new() };
-    let trace = &rehearsal.trace;
     let marks = marks(rehearsal, of.subject.step_s());
-    let at = |&i: &usize| {
-        let (x, u) = (trace.state(i).to_vec(), trace.input(i).to_vec());
-        linearized(of, &OperatingPoint { x, u })
-    };
+    let at = |&i: &usize| linearized(of, &rehearsal.point(i));
     let steps: Vec<(Vec<f64>, Vec<f64>)> = marks.iter().map_while(at).collect();
     let Some(unseen) = unseen_along(&steps, names.len()) else {
         let what = format!(
@@ -200,16 +211,8 @@ fn unseen(of: Estimating<'_>, point: &OperatingPoint) -> Vec<UnseenMode> {
 /// A and C of the estimator's model at a point, in sizes that the tuning says; `None` if there is no
 /// such model.
 fn linearized(of: Estimating<'_>, point: &OperatingPoint) -> Option<(Vec<f64>, Vec<f64>)> {
-    let Estimating { subject, control, estimator } = of;
-    let variables = Variables::of(subject.plant);
-    let measurement = control.measurement.clone().unwrap_or_default();
-    let LoopParameters { names, values, estimated } = subject.experiment.loop_parameters();
-    let plant = subject.experiment.plant.family(&names);
-    let model = plant.model(Integrator::Rk4, subject.step_s(), control.rk4_substeps).ok()?;
-    let parameters = (&values[..], &estimated[..]);
-    let augmentation = estimator.augmentation(&measurement, &variables, parameters);
-    let mut model = Augmented::new(model, augmentation).ok()?;
-    let tuning = estimator.tuning(control);
+    let mut model = of.model(Integrator::Rk4, of.control.rk4_substeps)?;
+    let tuning = of.estimator.tuning(of.control);
     let unknowns = &tuning.initial_estimate[point.x.len()..];
     let z = [&point.x[..], unknowns].concat();
     let nx = model.dims().nx;

@@ -2,7 +2,7 @@
 //! closed loop with RK4 as the model.
 
 use crate::groups::groups;
-use crate::{Finding, Subject, short};
+use crate::{Finding, Subject, numbers, short};
 use pinc_analysis::OperatingPoint;
 use pinc_config::Experiment;
 use pinc_net::Domain;
@@ -195,11 +195,11 @@ fn proposal(subject: &Subject<'_>, seen: &Extent, domain: &Domain) -> Finding {
     };
     // A list has one entry per array.
     let per_group = |variables: &[Variable], (low, high): (Vec<f64>, Vec<f64>)| {
-        let ends = |(_, places): (String, Range<usize>)| {
-            let least = low[places.clone()].iter().copied().fold(f64::INFINITY, f64::min);
-            (least, high[places].iter().copied().fold(f64::NEG_INFINITY, f64::max))
+        let of_group = |(_, places): (String, Range<usize>)| {
+            let both = low[places.clone()].iter().chain(&high[places]);
+            numbers::ends(both.copied())
         };
-        groups(variables).into_iter().map(ends).unzip()
+        groups(variables).into_iter().map(of_group).unzip()
     };
     let (plant, of_states) = (subject.plant, pairs(&domain.state_low, &domain.state_high, 0));
     let of_inputs = pairs(&domain.input_low, &domain.input_high, states);

@@ -44,8 +44,7 @@ fn outputs<'a>(subject: &'a Subject<'_>) -> Vec<&'a str> {
 }
 
 fn of_gain(subject: &Subject<'_>, place: &str, linear: &StateSpace) -> Vec<Finding> {
-    let inputs: Vec<_> = subject.plant.inputs().iter().map(|v| v.name.as_ref()).collect();
-    let path = format!("from {} to {}", inputs.join(", "), outputs(subject).join(", "));
+    let path = format!("from {} to {}", subject.inputs(), outputs(subject).join(", "));
     let Some(gain) = linear.static_gain() else {
         let what = format!("no static gain {path}: the plant integrates (an eigenvalue is 0)");
         return vec![Finding::fact(place, what)];
@@ -56,7 +55,7 @@ fn of_gain(subject: &Subject<'_>, place: &str, linear: &StateSpace) -> Vec<Findi
     let rank = gain.rank;
     let what = format!("static gain {path}: singular values {}, rank {rank}", shown.join(", "));
     let wanted = subject.controlled().len();
-    if rank >= wanted.min(inputs.len()) {
+    if rank >= wanted.min(subject.region.dims.nu) {
         return vec![Finding::fact(place, what)];
     }
     let line = relation(subject).map_or_else(String::new, |line| format!("; {line}"));
@@ -114,8 +113,7 @@ fn of_zeros(subject: &Subject<'_>, place: &str, linear: &StateSpace) -> Vec<Find
         .map(|zero| match (is_zero(zero.re), is_zero(zero.im)) {
             (true, true) => "0".to_owned(),
             (_, true) => subject.rate(zero.re),
-            _ if zero.im < 0.0 => format!("{} -{}i", subject.rate(zero.re), subject.rate(-zero.im)),
-            _ => format!("{} +{}i", subject.rate(zero.re), subject.rate(zero.im)),
+            _ => subject.complex_rate(zero.re, zero.im),
         })
         .collect();
     if zeros.is_empty() {
@@ -171,12 +169,8 @@ fn of_zeros(subject: &Subject<'_>, place: &str, linear: &StateSpace) -> Vec<Find
 
 /// Fewer paths from the inputs to the controlled states than there are of these.
 fn degenerate(subject: &Subject<'_>, place: &str, rank: usize) -> Finding {
-    let (names, inputs) = (outputs(subject), subject.plant.inputs());
-    let what = match (&names[..], rank) {
-        (names, 0) => {
-            let inputs: Vec<_> = inputs.iter().map(|v| v.name.as_ref()).collect();
-            format!("{} has no effect on {}", inputs.join(", "), names.join(", "))
-        }
+    let what = match rank {
+        0 => format!("{} has no effect on {}", subject.inputs(), outputs(subject).join(", ")),
         _ => "the controlled states do not respond independently at any frequency".to_owned(),
     };
     Finding::warning(place, what)

@@ -1,9 +1,10 @@
 //! The estimator's innovation gate: how wide it is in the units of what is measured, and whether it
 //! rejects readings of the rehearsed loop.
 
-use crate::numbers::short;
+use crate::estimation::Estimating;
+use crate::numbers::with_unit;
 use crate::{Finding, LISTED, Rehearsal, Subject};
-use pinc_config::{ControlSpec, EstimatorSpec, LoopParameters, Variables};
+use pinc_config::{ControlSpec, Variables};
 use pinc_estimate::{Augmented, Ekf, Estimator, Gate, Measured};
 use pinc_ode::{Dims, Integrator, Model, OutputLinearizationBuffer, Stages};
 
@@ -35,40 +36,33 @@ struct Rejected {
 /// The filter is the extended one for all kinds: the gate of moving horizon estimation uses its
 /// covariance, and the unscented filter's covariance differs by curvature only.
 pub(crate) fn examine(
-    subject: &Subject<'_>,
-    (control, estimator): (&ControlSpec, &EstimatorSpec),
+    of: Estimating<'_>,
     (rehearsal, marks): (&Rehearsal, &[usize]),
 ) -> Vec<Finding> {
-    let Gate::Sd(sd) = estimator.tuning(control).gate else {
+    let Gate::Sd(sd) = of.estimator.tuning(of.control).gate else {
         return vec![Finding::fact(KEY, "no reading is rejected, however wild")];
     };
-    let Some(sensors) = judged(subject, (control, estimator, sd), (rehearsal, marks)) else {
+    let Some(sensors) = judged(of, sd, (rehearsal, marks)) else {
         return Vec::new();
     };
     let mut findings = vec![widths(&sensors)];
-    findings.extend(sensors.iter().filter_map(|sensor| rejections(subject, sensor, marks.len())));
+    findings
+        .extend(sensors.iter().filter_map(|sensor| rejections(of.subject, sensor, marks.len())));
     findings.extend(sensors.iter().filter_map(noise));
     findings
 }
 
 /// The sensors after the filter has been told the plant's own readings; `None` if it cannot be.
 fn judged(
-    subject: &Subject<'_>,
-    (control, estimator, sd): (&ControlSpec, &EstimatorSpec, f64),
+    of: Estimating<'_>,
+    sd: f64,
     (rehearsal, marks): (&Rehearsal, &[usize]),
 ) -> Option<Vec<Sensor>> {
+    let Estimating { subject, control, estimator } = of;
     let variables = Variables::of(subject.plant);
-    let measurement = control.measurement.clone().unwrap_or_default();
-    let LoopParameters { names, values, estimated } = subject.experiment.loop_parameters();
-    let plant = subject.experiment.plant.family(&names);
     let integrator = rehearsal.model.integrator().unwrap_or(Integrator::Rk4);
     let substeps = control.own_substeps(integrator);
-    let parameters = (&values[..], &estimated[..]);
-    let augmentation = estimator.augmentation(&measurement, &variables, parameters);
-    let model = || {
-        let model = plant.model(integrator, subject.step_s(), substeps).ok()?;
-        Augmented::new(model, augmentation.clone()).ok()
-    };
+    let model = || of.model(integrator, substeps);
     let tuning = estimator.tuning(control);
     let unknowns = tuning.initial_estimate[variables.states.len()..].to_vec();
     let mut sensors = sensors(control, &variables);
@@ -142,14 +136,6 @@ fn expectation(
         (columns.map(entry).sum::<f64>() + noise_sd * noise_sd).sqrt()
     };
     y.into_iter().zip(c.chunks_exact(nx).zip(noise_sd).map(sd)).collect()
-}
-
-/// A number with its unit.
-fn with_unit(value: f64, unit: &str) -> String {
-    match unit {
-        "" => short(value),
-        unit => format!("{} {unit}", short(value)),
-    }
 }
 
 fn widths(sensors: &[Sensor]) -> Finding {

@@ -1,5 +1,6 @@
 //! Arrays in findings: one line for all elements that are alike.
 
+use crate::numbers::ends;
 use crate::{LISTED, short};
 use pinc_ode::Variable;
 use std::ops::Range;
@@ -21,8 +22,7 @@ pub(crate) fn are_shown(names: &[&str]) -> bool {
 pub(crate) fn summary(names: &[&str], values: &[f64]) -> String {
     let one = |(group, name): (Range<usize>, String)| {
         let values = &values[group];
-        let low = values.iter().copied().fold(f64::INFINITY, f64::min);
-        let high = values.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+        let (low, high) = ends(values.iter().copied());
         match values {
             [value] => format!("{name} = {}", short(*value)),
             _ => format!("{name} = {} to {}", short(low), short(high)),

@@ -56,6 +56,11 @@ fn whereabouts(subject: &Subject<'_>, is_inside: bool) -> String {
     }
 }
 
+/// An error inside the region, a warning beside it.
+fn serious(is_inside: bool, place: String, what: String) -> Finding {
+    if is_inside { Finding::error(place, what) } else { Finding::warning(place, what) }
+}
+
 /// The key of the equation in which a term stands, as far as the config has it.
 fn place(subject: &Subject<'_>, term: &CriticalTerm) -> String {
     match &subject.experiment.plant {
@@ -93,13 +98,8 @@ fn of_terms(subject: &Subject<'_>, survey: &Survey, terms: &CriticalTerms) -> Ve
         let place = place(subject, term);
         let where_it_is = whereabouts(subject, crossing.is_inside);
         let what = format!("{problem} {}, {where_it_is}", subject.at(&crossing.before));
-        let finding = if crossing.is_inside {
-            Finding::error(place, what)
-        } else {
-            Finding::warning(place, what)
-        };
         findings.push(
-            finding
+            serious(crossing.is_inside, place, what)
                 .because(
                     "a net cannot follow a rate that grows without limit: it is wrong there \
                  and in a neighbourhood, which the loss hardly shows",
@@ -223,13 +223,7 @@ fn of_survey(
      bounds away from it";
     let because = "a net cannot follow a rate that grows without limit: it is wrong there and in \
      a neighbourhood, which the loss hardly shows";
-    let finding = |what| {
-        if found.is_inside {
-            Finding::error("plant", what)
-        } else {
-            Finding::warning("plant", what)
-        }
-    };
+    let finding = |what| serious(found.is_inside, "plant".to_owned(), what);
     match found.kind {
         IrregularityKind::Pole => finding(format!("{rate} has a pole at {place}, {where_it_is}"))
             .because(because)

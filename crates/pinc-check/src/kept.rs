@@ -56,16 +56,12 @@ pub(crate) fn of(subject: &Subject<'_>, reference: usize, steady: &HeldPoint) ->
             return None;
         }
     }
-    let point = OperatingPoint { x: trace.state(last).to_vec(), u: trace.input(last).to_vec() };
+    let point = rehearsal.point(last);
     let from = trace.state(first).to_vec();
     let moves = (0..from.len())
         .any(|i| (point.x[i] - from[i]).abs() > NEAR_OF_WIDTH * subject.region.width(i));
-    let is_elsewhere = match steady {
-        HeldPoint::Within(at) | HeldPoint::Outside(at) => {
-            subject.region.distance(at, &point) > ELSEWHERE
-        }
-        HeldPoint::Nowhere(_) => true,
-    };
+    let near = |at: &OperatingPoint| subject.region.distance(at, &point) <= ELSEWHERE;
+    let is_elsewhere = !steady.steady().is_some_and(near);
     let during_s = trace.times()[first]..trace.times()[last];
     (moves && is_elsewhere).then_some(Kept { during_s, point, from })
 }

@@ -127,6 +127,13 @@ pub struct Rehearsal {
     pub left_out: usize,
 }
 
+impl Rehearsal {
+    /// The state and the input of a sample of the trace.
+    fn point(&self, i: usize) -> OperatingPoint {
+        OperatingPoint { x: self.trace.state(i).to_vec(), u: self.trace.input(i).to_vec() }
+    }
+}
+
 /// Reads the measurements of some files for steps of an experiment's plant; or says, in words, why
 /// they cannot be read.
 pub type ReadMeasurements<'a> = dyn Fn(&[PathBuf]) -> Result<Measurements, String> + 'a;
@@ -372,6 +379,16 @@ impl<'a> Subject<'a> {
         numbers::rate(value * unit.seconds())
     }
 
+    /// A complex rate, likewise.
+    fn complex_rate(&self, re: f64, im: f64) -> String {
+        let re = self.rate(re);
+        match im {
+            0.0 => re,
+            im if im < 0.0 => format!("{re} -{}i", self.rate(-im)),
+            im => format!("{re} +{}i", self.rate(im)),
+        }
+    }
+
     fn rate_unit(&self) -> String {
         format!("1/{}", self.experiment.time_unit.unwrap_or(TimeUnit::S).name())
     }
@@ -381,24 +398,21 @@ impl<'a> Subject<'a> {
     fn operating_points(&self) -> Vec<Operating<'_>> {
         let mut points: Vec<Operating<'_>> = Vec::new();
         for Held { first: k, point, kept, .. } in &self.holds {
-            let (name, point, is_steady) = match (kept, point) {
+            let (name, point, is_steady) = match (kept, point.steady()) {
                 (Some(kept), _) => (kept.name(self), &kept.point, false),
-                (None, HeldPoint::Within(point) | HeldPoint::Outside(point)) => {
+                (None, Some(point)) => {
                     (format!("the steady state of control.references[{k}]"), point, true)
                 }
-                (None, HeldPoint::Nowhere(_)) => continue,
+                (None, None) => continue,
             };
             if !points.iter().any(|other| self.region.same(other.point, point)) {
                 points.push(Operating { name, point, is_steady });
             }
         }
         if points.is_empty() {
-            let name = format!("the steady state of {}", self.region_name);
-            let centre = self.centre.iter();
-            points.extend(centre.map(|point| Operating {
-                name: name.clone(),
-                point,
-                is_steady: true,
+            points.extend(self.centre.iter().map(|point| {
+                let name = format!("the steady state of {}", self.region_name);
+                Operating { name, point, is_steady: true }
             }));
         }
         points
@@ -408,6 +422,12 @@ impl<'a> Subject<'a> {
     fn steady_points(&self) -> Vec<(String, &OperatingPoint)> {
         let points = self.operating_points().into_iter().filter(|operating| operating.is_steady);
         points.map(|operating| (operating.name, operating.point)).collect()
+    }
+
+    /// The inputs' names.
+    fn inputs(&self) -> String {
+        let names: Vec<&str> = self.plant.inputs().iter().map(|v| v.name.as_ref()).collect();
+        names.join(", ")
     }
 
     fn state_name(&self, i: usize) -> &str {
@@ -485,24 +505,19 @@ fn without_equation(_: &Subject<'_>) -> Vec<Finding> {
 fn dimensions(subject: &Subject<'_>) -> Vec<Finding> {
     let (states, inputs) = (subject.plant.states(), subject.plant.inputs());
     let list = |what: &str, variables: &[Variable]| {
-        let with_unit = |v: &Variable| match v.unit.as_ref() {
-            "" => v.name.to_string(),
-            unit => format!("{} ({unit})", v.name),
-        };
         let plural = if variables.len() == 1 { "" } else { "s" };
-        let groups = groups::groups(variables);
-        let names = match variables {
-            all if groups.len() < all.len() => {
-                let group = |(name, places): &(String, std::ops::Range<usize>)| {
-                    let Variable { unit, .. } = &all[places.start];
-                    if unit.is_empty() { name.clone() } else { format!("{name} ({unit})") }
-                };
-                groups.iter().map(group).collect::<Vec<_>>().join(", ")
+        let groups = groups::groups(variables).into_iter();
+        let groups = groups.map(|(name, places)| match variables[places.start].unit.as_ref() {
+            "" => name,
+            unit => format!("{name} ({unit})"),
+        });
+        let groups: Vec<String> = groups.collect();
+        let has_arrays = groups.len() < variables.len();
+        let names = match &groups[..] {
+            [first, .., last] if groups.len() > LISTED && !has_arrays => {
+                format!("{first} to {last}")
             }
-            [first, .., last] if variables.len() > LISTED => {
-                format!("{} to {}", with_unit(first), with_unit(last))
-            }
-            all => all.iter().map(with_unit).collect::<Vec<_>>().join(", "),
+            all => all.join(", "),
         };
         format!("{} {what}{plural}: {names}", variables.len())
     };

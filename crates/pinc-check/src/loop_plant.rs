@@ -49,9 +49,9 @@ fn other_sign(subject: &Subject<'_>, control: &ControlSpec, step_s: f64) -> Opti
             // Where the plant of the loop holds the same values, or else where the same input
             // leads it.
             let held: Vec<f64> = controlled.iter().map(|&i| point.x[i]).collect();
-            let there = match subject.hold(&*plant.plant, &held)? {
-                HeldPoint::Within(point) | HeldPoint::Outside(point) => point,
-                HeldPoint::Nowhere(_) => subject.search_of(&*plant.plant).settle(&point.u)?,
+            let there = match subject.hold(&*plant.plant, &held)?.steady() {
+                Some(there) => there.clone(),
+                None => subject.search_of(&*plant.plant).settle(&point.u)?,
             };
             let of_plant = gain(&*plant.plant, &there)?;
             of_plant.reverses(&of_model).then(|| reversed(subject, control, &name, plant, step_s))
@@ -70,11 +70,10 @@ fn reversed(
         0 => String::new(),
         step => format!(" from {} on", subject.time(step as f64 * step_s)),
     };
-    let inputs: Vec<_> = subject.plant.inputs().iter().map(|v| v.name.as_ref()).collect();
     let what = format!(
         "{place}: with the plant of the loop{from} the static gain from {} to {} has another sign \
          than with the models' plant",
-        inputs.join(", "),
+        subject.inputs(),
         control.controlled.join(", ")
     );
     Finding::warning("control.plant", what)

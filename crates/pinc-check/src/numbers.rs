@@ -22,6 +22,16 @@ pub(crate) fn short(value: f64) -> String {
     }
 }
 
+/// A number with its unit.
+pub(crate) fn with_unit(value: f64, unit: &str) -> String {
+    format!("{} {unit}", short(value)).trim_end().to_owned()
+}
+
+/// The least and the largest of some values.
+pub(crate) fn ends(values: impl Iterator<Item = f64>) -> (f64, f64) {
+    values.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), v| (low.min(v), high.max(v)))
+}
+
 /// Two numbers with as many digits as tell them apart.
 pub(crate) fn apart(one: f64, other: f64) -> (String, String) {
     for digits in 4..17 {

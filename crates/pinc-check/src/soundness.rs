@@ -7,7 +7,7 @@ use crate::work::{Metered, Work};
 use pinc_analysis::{Complex, OperatingPoint, Region, StabilityFunction, StateSpace};
 use pinc_config::Experiment;
 use pinc_net::{Domain, DomainError, DomainTruth, RmsError, ValidationConfig};
-use pinc_ode::{Dims, DynPlant, Integrator, Model};
+use pinc_ode::{Dims, DynPlant, DynRhs, Integrator, Model};
 use pinc_verify::StepModel;
 
 /// Random points at which the stability of explicit methods is examined; fewer for many states.
@@ -215,7 +215,8 @@ impl<'a> IntegratorBox<'a> {
     }
 }
 
-fn modes_at(plant: &dyn DynPlant, point: &OperatingPoint) -> Option<Vec<Complex>> {
+/// The eigenvalues of the plant at a point; `None` if its derivatives are not finite there.
+pub(crate) fn modes_at(plant: &dyn DynRhs, point: &OperatingPoint) -> Option<Vec<Complex>> {
     StateSpace::tangent(plant, point, &[]).map(|tangent| tangent.eigenvalues())
 }
 

@@ -1,9 +1,9 @@
 //! The plant's own modes at its steady states, against the step T, the horizon and the integrators.
 
+use crate::soundness::modes_at;
 use crate::{Finding, Held, LISTED, Operating, Subject, short};
 use pinc_analysis::{
-    Complex, Growth, HeldPoint, OperatingPoint, StabilityFunction, StateSpace, TimeScales,
-    beyond_knee,
+    Complex, Growth, OperatingPoint, StabilityFunction, StateSpace, TimeScales, beyond_knee,
 };
 use pinc_config::{ControlSpec, ModelKind};
 use pinc_mpc::QpMethod;
@@ -31,8 +31,8 @@ pub(crate) fn examine(subject: &Subject<'_>) -> Vec<Finding> {
         findings.push(Finding::fact("", what));
     }
     for Operating { name, point, is_steady } in points {
-        let place = format!("{name}, {}; {}", subject.state(&point.x), subject.input(&point.u));
-        let Some(modes) = modes(subject, point) else {
+        let place = format!("{name}, {}", subject.at(point));
+        let Some(modes) = modes_at(subject.plant, point) else {
             findings.push(
                 Finding::warning(place, "the derivatives are not finite there")
                     .because(
@@ -55,8 +55,8 @@ pub(crate) fn examine(subject: &Subject<'_>) -> Vec<Finding> {
             let scales = match beyond_knee(subject.plant, point, &subject.region) {
                 Some((i, beside)) => {
                     findings.push(knee(subject, &place, i, &beside));
-                    self::modes(subject, &beside)
-                        .map_or(TimeScales::of(&modes), |m| TimeScales::of(&m))
+                    let beyond = modes_at(subject.plant, &beside);
+                    TimeScales::of(beyond.as_deref().unwrap_or(&modes))
                 }
                 None => TimeScales::of(&modes),
             };
@@ -116,18 +116,9 @@ fn continuum(subject: &Subject<'_>, place: &str, point: &OperatingPoint) -> Opti
     Some(Finding::fact(place, what))
 }
 
-fn modes(subject: &Subject<'_>, point: &OperatingPoint) -> Option<Vec<Complex>> {
-    StateSpace::tangent(subject.plant, point, &[]).map(|tangent| tangent.eigenvalues())
-}
-
 fn describe(subject: &Subject<'_>, modes: &[Complex]) -> String {
     let unit = subject.rate_unit();
     let one = |mode: &Complex| {
-        let imaginary = match mode.im {
-            0.0 => String::new(),
-            im if im < 0.0 => format!(" -{}i", subject.rate(-im)),
-            im => format!(" +{}i", subject.rate(im)),
-        };
         let meaning = match Growth::of(*mode) {
             Growth::Neutral => "neither grows nor decays".to_owned(),
             Growth::Decays { time_constant_s } => {
@@ -135,7 +126,7 @@ fn describe(subject: &Subject<'_>, modes: &[Complex]) -> String {
             }
             Growth::Grows { doubling_s } => format!("doubles in {}", subject.time(doubling_s)),
         };
-        format!("{}{imaginary} {unit} ({meaning})", subject.rate(mode.re))
+        format!("{} {unit} ({meaning})", subject.complex_rate(mode.re, mode.im))
     };
     if modes.len() <= LISTED {
         return modes.iter().map(one).collect::<Vec<_>>().join("; ");
@@ -231,7 +222,8 @@ fn stiff(subject: &Subject<'_>, found: &[(String, Vec<Complex>)]) -> Option<Find
 /// What is around a point whose linearization holds for that point alone.
 fn knee(subject: &Subject<'_>, place: &str, i: usize, beside: &OperatingPoint) -> Finding {
     let name = &subject.plant.states()[i].name;
-    let modes = modes(subject, beside).map_or_else(String::new, |modes| describe(subject, &modes));
+    let modes = modes_at(subject.plant, beside);
+    let modes = modes.map_or_else(String::new, |modes| describe(subject, &modes));
     let at = short(beside.x[i]);
     Finding::fact(
         place,
@@ -311,7 +303,7 @@ fn stable_substeps(
 ) -> Vec<Finding> {
     let step = subject.step_s();
     let needed = |point: &OperatingPoint| {
-        let modes = modes(subject, point)?;
+        let modes = modes_at(subject.plant, point)?;
         Some(stability.stable_substeps(&modes, step).unwrap_or(usize::MAX))
     };
     let mut findings = Vec::new();
@@ -322,7 +314,8 @@ fn stable_substeps(
     if let Some((n, name, point)) = worst.max_by_key(|(n, ..)| *n)
         && n > substeps
     {
-        let fastest = modes(subject, point).map_or(0.0, |modes| TimeScales::of(&modes).fastest);
+        let modes = modes_at(subject.plant, point);
+        let fastest = modes.map_or(0.0, |modes| TimeScales::of(&modes).fastest);
         let size = fastest * step / substeps as f64;
         let what = format!(
             "{substeps} substeps are unstable at {name}, {}: the fastest mode times a substep is \
@@ -358,9 +351,8 @@ fn along_the_loop(subject: &Subject<'_>) -> Vec<(String, OperatingPoint)> {
     let trace = &rehearsal.trace;
     let every = trace.len().div_ceil(POINTS);
     let point = |i: usize| {
-        let (x, u) = (trace.state(i).to_vec(), trace.input(i).to_vec());
         let name = format!("t = {} of the closed loop", subject.time(trace.times()[i]));
-        (name, OperatingPoint { x, u })
+        (name, rehearsal.point(i))
     };
     let points = (0..trace.len()).step_by(every.max(1)).map(point);
     points.filter(|(_, point)| subject.region.contains(point)).collect()
@@ -370,7 +362,7 @@ fn along_the_loop(subject: &Subject<'_>) -> Vec<(String, OperatingPoint)> {
 fn along_references(subject: &Subject<'_>) -> Vec<(String, OperatingPoint)> {
     let mut points: Vec<(String, OperatingPoint)> = Vec::new();
     for Held { first: k, point, .. } in &subject.holds {
-        let (HeldPoint::Within(point) | HeldPoint::Outside(point)) = point else { continue };
+        let Some(point) = point.steady() else { continue };
         if let Some((_, last)) = points.last().cloned() {
             let (from, to) = (last.joined(), point.joined());
             for part in 1..BETWEEN {

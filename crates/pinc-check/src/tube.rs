@@ -1,6 +1,7 @@
 //! The distances by which a tube tightens bounds, and bounds that leave no room.
 
-use crate::{Finding, Rehearsal, Subject, estimation::marks, short};
+use crate::numbers::with_unit;
+use crate::{Finding, Rehearsal, Subject, estimation::marks};
 use pinc_config::{
     ControlSpec, LoopParameters, NetErrorSpec, TubeParts, UncertaintySpec, Variables,
 };
@@ -136,7 +137,7 @@ struct Bound<'a> {
 
 impl Bound<'_> {
     fn amount(&self, size: f64) -> String {
-        format!("{} {}", short(size), self.variable.unit).trim_end().to_owned()
+        with_unit(size, &self.variable.unit)
     }
 
     fn in_words(&self) -> String {
