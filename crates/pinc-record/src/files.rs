@@ -156,7 +156,7 @@ pub fn write_atomically(path: &Path, bytes: &[u8]) -> Result<(), RecordError> {
 pub(crate) fn write_unflushed(path: &Path, bytes: &[u8]) -> Result<(), RecordError> {
     let mut file = AtomicFile::create(path)?;
     file.write(bytes)?;
-    file.put()
+    file.put(false)
 }
 
 /// Whether two paths lead to one file, also by links.
@@ -234,10 +234,18 @@ impl AtomicFile {
     }
 
     /// Puts the file at its place, without waiting for the disk.
-    fn put(self) -> Result<(), RecordError> {
+    fn put(self, is_flushed: bool) -> Result<(), RecordError> {
         let Self { path, file } = self;
         let put = || {
-            file.into_inner()?.persist(&path).map_err(|error| error.error)?;
+            let file = file.into_inner()?;
+            if is_flushed {
+                file.as_file().sync_all()?;
+            }
+            file.persist(&path).map_err(|error| error.error)?;
+            #[cfg(unix)]
+            if is_flushed {
+                fs::File::open(parent(&path))?.sync_all()?;
+            }
             Ok(())
         };
         put().map_err(RecordError::unwritable(&path))
@@ -245,16 +253,7 @@ impl AtomicFile {
 
     /// Puts the file at its place.
     pub(crate) fn finish(self) -> Result<(), RecordError> {
-        let Self { path, file } = self;
-        let finish = || {
-            let file = file.into_inner()?;
-            file.as_file().sync_all()?;
-            file.persist(&path).map_err(|error| error.error)?;
-            #[cfg(unix)]
-            fs::File::open(parent(&path))?.sync_all()?;
-            Ok(())
-        };
-        finish().map_err(RecordError::unwritable(&path))
+        self.put(true)
     }
 }
 

@@ -25,7 +25,7 @@ pub fn fixed_table<R: Serialize + Default>(rows: &[R]) -> CsvText {
 }
 
 /// The names of the columns.
-fn columns<R: Serialize + Default>() -> Vec<String> {
+pub(super) fn columns<R: Serialize + Default>() -> Vec<String> {
     let mut writer = csv::Writer::from_writer(Vec::new());
     // The header comes with the first row; there may be none.
     writer.serialize(R::default()).expect(PLAIN);
@@ -34,7 +34,7 @@ fn columns<R: Serialize + Default>() -> Vec<String> {
 }
 
 /// The lines of these rows.
-fn lines<R: Serialize>(rows: &[R]) -> Vec<u8> {
+pub(super) fn lines<R: Serialize>(rows: &[R]) -> Vec<u8> {
     let mut cells = csv::WriterBuilder::new().has_headers(false).from_writer(Vec::new());
     for row in rows {
         cells.serialize(row).expect(PLAIN);
@@ -107,7 +107,10 @@ impl<R: DeserializeOwned> Iterator for FixedReader<R> {
     }
 }
 
-fn parse<R: DeserializeOwned>(head: &CsvHead, row: &StringRecord) -> Result<R, RecordError> {
+pub(super) fn parse<R: DeserializeOwned>(
+    head: &CsvHead,
+    row: &StringRecord,
+) -> Result<R, RecordError> {
     row.deserialize(Some(&head.header)).map_err(|error| head.row_error(row, error))
 }
 

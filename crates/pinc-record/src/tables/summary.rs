@@ -1,32 +1,16 @@
 //! `summary.csv`: one row per cell and metric of a sweep, with the spread over its trials.
 
+use super::fixed::{columns, exact, lines, parse};
 use super::trial_metric::TrialMetric;
-use crate::csv::{CsvFile, CsvText, number};
+use crate::csv::{CsvFile, CsvText};
 use crate::error::RecordError;
 use crate::metrics::Metrics;
 use crate::spread::Spread;
 use crate::sweep_dir::{Ending, Finished};
-use pinc_config::{DRAW, Experiment, SweepSpec, Trial, cell_columns, columns, sweep_models};
+use pinc_config::{self as config, DRAW, Experiment, SweepSpec, Trial, cell_columns, sweep_models};
+use serde::{Deserialize, Serialize};
 use std::collections::{BTreeMap, HashMap, HashSet};
 use std::path::Path;
-
-/// The columns after those that tell the cells apart.
-const COLUMNS: [&str; 14] = [
-    "metric",
-    "trials",
-    "failed",
-    "pending",
-    "values",
-    "nonzero",
-    "min",
-    "q1",
-    "median",
-    "q3",
-    "max",
-    "median_low",
-    "median_high",
-    "confidence",
-];
 
 /// The spread of each metric in each cell of a sweep: the trials that differ in seeds and draws
 /// only.
@@ -38,10 +22,11 @@ pub struct SummaryTable {
     pub rows: Vec<SummaryRow>,
 }
 
-/// A metric in a cell.
-#[derive(Clone, Debug, PartialEq)]
+/// A metric in a cell; the fields after `cell` are columns.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct SummaryRow {
     /// The cell's values of the columns that tell cells apart.
+    #[serde(skip)]
     pub cell: Vec<String>,
     /// The name of the metric and of its column in `sweep.csv`.
     pub metric: String,
@@ -56,21 +41,29 @@ pub struct SummaryRow {
     /// How many of these are not 0, as those of loops that broke a bound.
     pub nonzero: usize,
     /// The least value.
+    #[serde(serialize_with = "exact")]
     pub min: f64,
     /// The lower quartile.
+    #[serde(serialize_with = "exact")]
     pub q1: f64,
     /// The median.
+    #[serde(serialize_with = "exact")]
     pub median: f64,
     /// The upper quartile.
+    #[serde(serialize_with = "exact")]
     pub q3: f64,
     /// The greatest value.
+    #[serde(serialize_with = "exact")]
     pub max: f64,
     /// The lower end of the median's interval: with several seeds for each draw, of the median
     /// over the draws' medians.
+    #[serde(serialize_with = "exact")]
     pub median_low: f64,
     /// The upper end of the median's interval.
+    #[serde(serialize_with = "exact")]
     pub median_high: f64,
     /// The probability of the median being in its interval.
+    #[serde(serialize_with = "exact")]
     pub confidence: f64,
 }
 
@@ -84,7 +77,7 @@ impl SummaryTable {
         finished: &[Option<Finished>],
     ) -> Self {
         let cell_columns = cell_columns(sweep);
-        let draw = columns(sweep).iter().position(|column| column == DRAW);
+        let draw = config::columns(sweep).iter().position(|column| column == DRAW);
         let metrics = TrialMetric::results_with(experiment, &sweep_models(experiment, trials));
         let mut rows = Vec::new();
         for (cell, group) in cells(trials, cell_columns.len()) {
@@ -104,17 +97,10 @@ impl SummaryTable {
     /// The table as a CSV file.
     #[must_use]
     pub fn to_csv(&self) -> CsvText {
-        let fixed = COLUMNS.map(str::to_owned);
-        let mut table = CsvText::new(self.cell_columns.iter().chain(&fixed));
-        for row in &self.rows {
-            let counts = [row.trials, row.failed, row.pending, row.values, row.nonzero];
-            let counts = counts.map(|count| count.to_string());
-            let quantiles = [row.min, row.q1, row.median, row.q3, row.max];
-            let interval = [row.median_low, row.median_high, row.confidence];
-            let numbers = quantiles.into_iter().chain(interval).map(number);
-            let cells = row.cell.iter().cloned().chain([row.metric.clone()]);
-            table.push(cells.chain(counts).chain(numbers));
-        }
+        let mut table =
+            CsvText::new(self.cell_columns.iter().cloned().chain(columns::<SummaryRow>()));
+        let rows: Vec<_> = self.rows.iter().map(|row| (&row.cell, row)).collect();
+        table.append(&lines(&rows));
         table
     }
 
@@ -124,35 +110,13 @@ impl SummaryTable {
     ///
     /// [`RecordError`], with the line and column of what is wrong.
     pub fn read(path: &Path) -> Result<Option<Self>, RecordError> {
-        let Some(CsvFile { head: file, rows }) = CsvFile::read(path)? else { return Ok(None) };
-        let places = COLUMNS.map(|column| file.place(column));
-        let places = places.into_iter().collect::<Result<Vec<_>, _>>()?;
-        let cells = places[0];
-        let row = |row| {
-            let text = |place: usize| csv::StringRecord::get(row, place).unwrap_or_default();
-            let count = |i: usize| file.whole(row, places[i]);
-            let value = |i: usize| file.number(row, places[i]);
-            Ok(SummaryRow {
-                cell: (0..cells).map(|place| text(place).to_owned()).collect(),
-                metric: text(places[0]).to_owned(),
-                trials: count(1)?,
-                failed: count(2)?,
-                pending: count(3)?,
-                values: count(4)?,
-                nonzero: count(5)?,
-                min: value(6)?,
-                q1: value(7)?,
-                median: value(8)?,
-                q3: value(9)?,
-                max: value(10)?,
-                median_low: value(11)?,
-                median_high: value(12)?,
-                confidence: value(13)?,
-            })
-        };
+        let Some(CsvFile { head, rows }) = CsvFile::read(path)? else { return Ok(None) };
+        let cells = head.place("metric")?;
+        let cells_of =
+            |row: &csv::StringRecord| row.iter().take(cells).map(str::to_owned).collect();
+        let row = |row| Ok(SummaryRow { cell: cells_of(row), ..parse(&head, row)? });
         let rows = rows.iter().map(row).collect::<Result<_, RecordError>>()?;
-        let cell_columns = file.header.iter().take(cells).map(str::to_owned).collect();
-        Ok(Some(Self { cell_columns, rows }))
+        Ok(Some(Self { cell_columns: cells_of(&head.header), rows }))
     }
 
     /// The rows of a metric.
