@@ -1,9 +1,10 @@
 //! A model with disturbances and unknown parameters as further arguments.
 
-use crate::error::{check, check_indices};
+use crate::error::check;
 use crate::{Disturbance, EstimateError, Measured};
 use pinc_ode::{
-    Dims, Linearization, Model, OutputLinearization, OutputLinearizationBuffer, Stages,
+    ArgumentError, Dims, Linearization, Model, OutputLinearization, OutputLinearizationBuffer,
+    Stages,
 };
 
 /// How many points are linearized at a time.
@@ -118,22 +119,26 @@ impl Augmentation {
         }
         for (i, &quantity) in measured.iter().enumerate() {
             match quantity {
-                Measured::State(index) => check_indices("measured states", &[index], dims.nx)?,
-                Measured::Output(index) => check_indices("measured outputs", &[index], dims.ny)?,
+                Measured::State(index) => {
+                    ArgumentError::check_places("measured states", &[index], dims.nx)?
+                }
+                Measured::Output(index) => {
+                    ArgumentError::check_places("measured outputs", &[index], dims.ny)?
+                }
             }
             if measured[..i].contains(&quantity) {
                 return Err(EstimateError::MeasuredTwice { measured: quantity });
             }
         }
         if let Disturbance::States(states) = disturbance {
-            check_indices("disturbed states", states, dims.nx)?;
+            ArgumentError::check_places("disturbed states", states, dims.nx)?;
         }
         let (disturbances, measured) = (disturbance.count(dims.nu, measured.len()), measured.len());
         if disturbances > measured {
             return Err(EstimateError::TooManyDisturbances { disturbances, measured });
         }
         check("parameters", parameters, dims.np, "finite", f64::is_finite)?;
-        check_indices("estimated parameters", estimated, dims.np)
+        Ok(ArgumentError::check_places("estimated parameters", estimated, dims.np)?)
     }
 }
 

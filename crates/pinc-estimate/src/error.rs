@@ -1,6 +1,7 @@
 //! Errors of putting an estimator together.
 
 use crate::Measured;
+use pinc_ode::ArgumentError;
 use pinc_qp::QpError;
 use thiserror::Error;
 
@@ -9,28 +10,9 @@ use thiserror::Error;
 #[derive(Clone, Debug, Error, PartialEq)]
 #[non_exhaustive]
 pub enum EstimateError {
-    /// A list of the wrong length.
-    #[error("{field}: {found} numbers, but {expected} are expected")]
-    Length {
-        /// What the list is.
-        field: &'static str,
-        /// The length it must have.
-        expected: usize,
-        /// The length it has.
-        found: usize,
-    },
-    /// A number in a list that it must not hold, as NaN, or a negative standard deviation.
-    #[error("{field}[{index}] is {value}, but must be {expected}")]
-    Number {
-        /// The list the number is in.
-        field: &'static str,
-        /// Its place in it.
-        index: usize,
-        /// What it must be.
-        expected: &'static str,
-        /// What it is.
-        value: f64,
-    },
+    /// An argument that does not fit.
+    #[error(transparent)]
+    Argument(#[from] ArgumentError),
     /// A model whose parameters nobody knows.
     #[error(
         "the model has {count} parameters that the estimator does not know: an `Augmented` model \
@@ -39,16 +21,6 @@ pub enum EstimateError {
     FreeParameters {
         /// How many.
         count: usize,
-    },
-    /// A state, output, parameter or measured quantity that there is not, or that is named twice.
-    #[error("{field} has {found}, but must name each of 0 to {last} at most once")]
-    Index {
-        /// Which list names it.
-        field: &'static str,
-        /// What it names.
-        found: usize,
-        /// The largest that there is.
-        last: usize,
     },
     /// Nothing is measured.
     #[error("nothing is measured: an estimator needs at least one measured quantity")]
@@ -96,30 +68,7 @@ pub(crate) fn check(
     expected: usize,
     wanted: &'static str,
     test: impl Fn(f64) -> bool,
-) -> Result<(), EstimateError> {
-    let found = values.len();
-    if found != expected {
-        return Err(EstimateError::Length { field, expected, found });
-    }
-    match values.iter().position(|&value| !test(value)) {
-        None => Ok(()),
-        Some(index) => {
-            Err(EstimateError::Number { field, index, expected: wanted, value: values[index] })
-        }
-    }
-}
-
-/// Whether `indices` are below `count` and all different.
-pub(crate) fn check_indices(
-    field: &'static str,
-    indices: &[usize],
-    count: usize,
-) -> Result<(), EstimateError> {
-    let bad = |(i, &index): (usize, &usize)| index >= count || indices[..i].contains(&index);
-    match indices.iter().enumerate().find(|&entry| bad(entry)) {
-        None => Ok(()),
-        Some((_, &found)) => {
-            Err(EstimateError::Index { field, found, last: count.saturating_sub(1) })
-        }
-    }
+) -> Result<(), ArgumentError> {
+    ArgumentError::check_length(field, values.len(), expected)?;
+    ArgumentError::check_numbers(field, values, wanted, test)
 }

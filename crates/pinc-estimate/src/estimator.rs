@@ -3,7 +3,7 @@
 use crate::error::check;
 use crate::{EstimateError, Gate};
 use pinc_mpc::Memory;
-use pinc_ode::Dims;
+use pinc_ode::{ArgumentError, Dims};
 use std::fmt::{self, Debug};
 
 /// An estimator in filter form: at each step [`Estimator::correct`] with what is measured, use the
@@ -218,8 +218,8 @@ impl Tuning {
         }
         for (index, (low, &high)) in self.low.iter().zip(&self.high).enumerate() {
             if *low > high {
-                let expected = "at least the lower bound";
-                return Err(EstimateError::Number { field: "high", index, expected, value: high });
+                let (field, expected) = ("high", "at least the lower bound");
+                return Err(ArgumentError::Number { field, index, expected, value: high }.into());
             }
         }
         Ok(())

@@ -1,6 +1,6 @@
 //! Errors in a problem of identification or its data.
 
-use pinc_ode::Dims;
+use pinc_ode::{ArgumentError, Dims};
 use thiserror::Error;
 
 /// An error of this crate: parts that do not fit together, or data of which nothing can be
@@ -8,38 +8,9 @@ use thiserror::Error;
 #[derive(Clone, Debug, Error, PartialEq)]
 #[non_exhaustive]
 pub enum IdentifyError {
-    /// A list of the wrong length.
-    #[error("{field}: {found} numbers, but {expected} are expected")]
-    Length {
-        /// What the list is.
-        field: &'static str,
-        /// The length it must have.
-        expected: usize,
-        /// The length it has.
-        found: usize,
-    },
-    /// A number that cannot be used, as NaN or a standard deviation that is not positive.
-    #[error("{field}[{index}] is {value}, but must be {expected}")]
-    Number {
-        /// The list the number is in.
-        field: &'static str,
-        /// Its place in it.
-        index: usize,
-        /// What it must be.
-        expected: &'static str,
-        /// What it is.
-        value: f64,
-    },
-    /// A state, output or parameter that there is not, or that is named twice.
-    #[error("{field} has {found}, but must name each of 0 to {last} at most once")]
-    Index {
-        /// Which list names it.
-        field: &'static str,
-        /// What it names.
-        found: usize,
-        /// The largest that there is.
-        last: usize,
-    },
+    /// An argument that does not fit.
+    #[error(transparent)]
+    Argument(#[from] ArgumentError),
     /// A start that is not within its bounds.
     #[error("the start of {name}, {initial}, must lie within its bounds, {low} to {high}")]
     OutsideBounds {
@@ -95,41 +66,6 @@ pub enum IdentifyError {
     },
 }
 
-pub(crate) fn length(
-    field: &'static str,
-    found: usize,
-    expected: usize,
-) -> Result<(), IdentifyError> {
-    if found == expected { Ok(()) } else { Err(IdentifyError::Length { field, expected, found }) }
-}
-
-pub(crate) fn numbers(
-    field: &'static str,
-    numbers: &[f64],
-    expected: &'static str,
-    is_good: impl Fn(f64) -> bool,
-) -> Result<(), IdentifyError> {
-    match numbers.iter().position(|&number| !is_good(number)) {
-        Some(index) => Err(IdentifyError::Number { field, index, expected, value: numbers[index] }),
-        None => Ok(()),
-    }
-}
-
-/// Each of `places` is below `count`, and there once.
-pub(crate) fn places(
-    field: &'static str,
-    places: &[usize],
-    count: usize,
-) -> Result<(), IdentifyError> {
-    let bad = |(i, place): (usize, &usize)| *place >= count || places[..i].contains(place);
-    match places.iter().enumerate().position(|(i, place)| bad((i, place))) {
-        Some(i) => {
-            Err(IdentifyError::Index { field, found: places[i], last: count.saturating_sub(1) })
-        }
-        None => Ok(()),
-    }
-}
-
 /// The numbers of a recording for a model of dimensions `dims`.
 pub(crate) fn rows(
     recording: usize,
@@ -137,9 +73,11 @@ pub(crate) fn rows(
     (u, y, channels): (&[f64], &[f64], usize),
 ) -> Result<usize, IdentifyError> {
     let rows = y.len() / channels;
-    length("y", y.len(), rows * channels)?;
-    length("u", u.len(), rows * dims.nu)?;
-    numbers("u", u, "finite", f64::is_finite)?;
-    numbers("y", y, "finite, or NaN where it is missing", |y| !y.is_infinite())?;
+    ArgumentError::check_length("y", y.len(), rows * channels)?;
+    ArgumentError::check_length("u", u.len(), rows * dims.nu)?;
+    ArgumentError::check_numbers("u", u, "finite", f64::is_finite)?;
+    ArgumentError::check_numbers("y", y, "finite, or NaN where it is missing", |y| {
+        !y.is_infinite()
+    })?;
     if rows < 2 { Err(IdentifyError::TooShort { recording, rows }) } else { Ok(rows) }
 }

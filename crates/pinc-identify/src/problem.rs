@@ -1,9 +1,9 @@
 //! A problem of identification: unknowns, measurements and data.
 
 use crate::IdentifyError;
-use crate::error::{length, numbers, places, rows};
+use crate::error::rows;
 use pinc_estimate::Measured;
-use pinc_ode::Dims;
+use pinc_ode::{ArgumentError, Dims};
 
 /// A problem of identification: measured quantities, unknowns, and where the fit starts.
 #[derive(Clone, Debug, PartialEq)]
@@ -151,31 +151,39 @@ impl Problem {
         let of = |place: &dyn Fn(&Channel) -> Option<usize>| -> Vec<usize> {
             self.channels.iter().filter_map(place).collect()
         };
-        places("measured states", &of(&states), dims.nx)?;
-        places("measured outputs", &of(&outputs), dims.ny)?;
+        ArgumentError::check_places("measured states", &of(&states), dims.nx)?;
+        ArgumentError::check_places("measured outputs", &of(&outputs), dims.ny)?;
         let sd: Vec<f64> = self.channels.iter().filter_map(|c| c.sd).collect();
-        numbers("measurement sd", &sd, "positive", |sd| sd > 0.0 && sd.is_finite())?;
-        length("parameters", self.parameters.len(), dims.np)?;
-        numbers("parameters", &self.parameters, "finite", f64::is_finite)?;
+        ArgumentError::check_numbers("measurement sd", &sd, "positive", |sd| {
+            sd > 0.0 && sd.is_finite()
+        })?;
+        ArgumentError::check_length("parameters", self.parameters.len(), dims.np)?;
+        ArgumentError::check_numbers("parameters", &self.parameters, "finite", f64::is_finite)?;
         let unknown: Vec<usize> = self.unknown.iter().map(|unknown| unknown.place).collect();
-        places("unknown parameters", &unknown, dims.np)?;
+        ArgumentError::check_places("unknown parameters", &unknown, dims.np)?;
         let priors: Vec<f64> =
             self.unknown.iter().filter_map(|of| of.prior).flat_map(|of| [of.sd, of.mean]).collect();
-        numbers("priors", &priors, "finite", f64::is_finite)?;
+        ArgumentError::check_numbers("priors", &priors, "finite", f64::is_finite)?;
         let sd: Vec<f64> = priors.iter().step_by(2).copied().collect();
-        numbers("sd of priors", &sd, "positive", |sd| sd > 0.0)?;
+        ArgumentError::check_numbers("sd of priors", &sd, "positive", |sd| sd > 0.0)?;
         for Unknown { name, initial, low, high, .. } in &self.unknown {
             let (name, initial, low, high) = (name.clone(), *initial, *low, *high);
             if !(initial.is_finite() && low <= initial && initial <= high && low < high) {
                 return Err(IdentifyError::OutsideBounds { name, initial, low, high });
             }
         }
-        length("initial state", self.initial_state.values().len(), dims.nx)?;
-        numbers("initial state", self.initial_state.values(), "finite", f64::is_finite)?;
-        length("names of states", self.states.len(), dims.nx)?;
-        length("names of inputs", self.inputs.len(), dims.nu)?;
+        ArgumentError::check_length("initial state", self.initial_state.values().len(), dims.nx)?;
+        ArgumentError::check_numbers(
+            "initial state",
+            self.initial_state.values(),
+            "finite",
+            f64::is_finite,
+        )?;
+        ArgumentError::check_length("names of states", self.states.len(), dims.nx)?;
+        ArgumentError::check_length("names of inputs", self.inputs.len(), dims.nu)?;
         if self.channels.is_empty() {
-            return Err(IdentifyError::Length { field: "channels", expected: 1, found: 0 });
+            let (field, expected, found) = ("channels", 1, 0);
+            return Err(ArgumentError::Length { field, expected, found }.into());
         }
         if self.unknown.is_empty() && !self.initial_state.is_free() {
             return Err(IdentifyError::NothingUnknown);

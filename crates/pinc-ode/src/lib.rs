@@ -16,6 +16,7 @@
 #![forbid(unsafe_code)]
 
 mod accurate;
+mod argument;
 mod banded;
 mod black_box;
 mod dopri5;
@@ -41,6 +42,7 @@ mod variable;
 mod with_outputs;
 
 pub use accurate::AccurateIntegrator;
+pub use argument::ArgumentError;
 pub use banded::Banded;
 pub use black_box::{BlackBox, Flow, FlowModel};
 pub use dopri5::Dopri5;

@@ -6,7 +6,8 @@ use pinc_estimate::{
 };
 use pinc_mpc::{Nmpc, NmpcProblem, SqpConfig, SqpStatus, Weights};
 use pinc_ode::{
-    Dims, LinearizationBuffer, Model, OutputLinearization, Plant, Rk4, Stages, Variable,
+    ArgumentError, Dims, LinearizationBuffer, Model, OutputLinearization, Plant, Rk4, Stages,
+    Variable,
 };
 use pinc_plants::FourTanks;
 use proptest::prelude::*;
@@ -218,7 +219,7 @@ fn what_does_not_fit_is_refused() {
 
     assert_eq!(refused(Augmentation::default()), EstimateError::NothingMeasured);
     let error = refused(Augmentation::measured(measured(&[0, 4])));
-    assert_eq!(error, EstimateError::Index { field: "measured states", found: 4, last: 3 });
+    assert_eq!(error, ArgumentError::Index { field: "measured states", found: 4, last: 3 }.into());
     let error = refused(Augmentation::measured(measured(&[1, 1])));
     assert_eq!(error, EstimateError::MeasuredTwice { measured: Measured::State(1) });
     let input = Disturbance::Input;
@@ -229,10 +230,13 @@ fn what_does_not_fit_is_refused() {
     let twice = Disturbance::States(vec![2, 2]);
     let error =
         refused(Augmentation { disturbance: twice, ..Augmentation::measured(measured(&[0, 1])) });
-    assert_eq!(error, EstimateError::Index { field: "disturbed states", found: 2, last: 3 });
+    assert_eq!(error, ArgumentError::Index { field: "disturbed states", found: 2, last: 3 }.into());
     let error =
         refused(Augmentation { estimated: vec![0], ..Augmentation::measured(measured(&[0])) });
-    assert_eq!(error, EstimateError::Index { field: "estimated parameters", found: 0, last: 0 });
+    assert_eq!(
+        error,
+        ArgumentError::Index { field: "estimated parameters", found: 0, last: 0 }.into()
+    );
 
     let right = Tuning {
         initial_estimate: vec![2.0; 4],

@@ -5,7 +5,7 @@ use pinc_identify::{
     Diagnosis, FitStatus, Identified, IdentifyError, InitialState, Problem, Recording, Side,
     identify,
 };
-use pinc_ode::{DynPlant, Integrator};
+use pinc_ode::{ArgumentError, DynPlant, Integrator};
 
 /// One tank: inflow k u through a valve gamma; the second valve does nothing.
 fn tank() -> Box<dyn DynPlant> {
@@ -193,7 +193,8 @@ fn data_that_cannot_be_used_are_errors() {
     assert_eq!(error(&problem, &u, &missing), none);
     let mut bad = u.clone();
     bad[3] = f64::NAN;
-    assert!(matches!(error(&problem, &bad, &y), IdentifyError::Number { index: 3, .. }));
+    let argument = error(&problem, &bad, &y);
+    assert!(matches!(argument, IdentifyError::Argument(ArgumentError::Number { index: 3, .. })));
     let mut nothing = with(&[]);
     nothing.initial_state = InitialState::Fixed(vec![8.0]);
     assert_eq!(error(&nothing, &u, &y), IdentifyError::NothingUnknown);
