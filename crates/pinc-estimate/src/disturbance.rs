@@ -18,6 +18,15 @@ impl Measured {
     pub fn states(indices: impl IntoIterator<Item = usize>) -> Vec<Self> {
         indices.into_iter().map(Self::State).collect()
     }
+
+    /// Its value where the model has this state and these outputs.
+    #[must_use]
+    pub fn read(self, x: &[f64], y: &[f64]) -> f64 {
+        match self {
+            Self::State(state) => x[state],
+            Self::Output(output) => y[output],
+        }
+    }
 }
 
 impl fmt::Display for Measured {

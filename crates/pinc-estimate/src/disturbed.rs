@@ -338,10 +338,7 @@ impl Disturbed {
     fn select(&self, at: Stages<'_>, y: &mut [f64]) {
         let quantities = self.augmentation.measured.iter();
         for (i, (y, measured)) in y.iter_mut().zip(quantities).enumerate() {
-            *y = match *measured {
-                Measured::State(state) => at.x[state],
-                Measured::Output(output) => self.outputs.y[output],
-            };
+            *y = measured.read(at.x, &self.outputs.y);
             if self.augmentation.disturbance == Disturbance::Output {
                 *y += at.p[i];
             }

@@ -1,7 +1,7 @@
 //! Sensors and an estimator in a closed loop.
 
 use crate::matrix::{dot, factor, solve_lower};
-use crate::{Augmentation, Correction, Estimator, EstimatorStatus, Measured};
+use crate::{Augmentation, Correction, Estimator, EstimatorStatus};
 use pinc_loop::{Observer, PlantNow};
 
 /// Output feedback: the plant of a closed loop is measured, with noise, and an estimator makes of
@@ -94,11 +94,7 @@ impl OutputFeedback {
         let quantities = self.augmentation.measured.iter();
         for (i, (y, measured)) in self.measured.iter_mut().zip(quantities).enumerate() {
             let noise = self.noise.get(plant.step * self.augmentation.measured.len() + i);
-            let truth = match *measured {
-                Measured::State(state) => plant.x[state],
-                Measured::Output(output) => plant.y[output],
-            };
-            *y = truth + noise.unwrap_or(&0.0);
+            *y = measured.read(plant.x, plant.y) + noise.unwrap_or(&0.0);
         }
     }
 

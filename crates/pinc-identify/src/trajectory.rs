@@ -71,11 +71,7 @@ impl<'m> Evaluation<'m> {
             self.model.output(x, u, &p[..self.dims.np], &mut self.y);
         }
         for (to, channel) in measured.iter_mut().zip(&problem.channels) {
-            *to = match channel.measured {
-                Measured::State(place) => x[place],
-                Measured::Output(place) => self.y[place],
-                _ => f64::NAN,
-            };
+            *to = channel.measured.read(x, &self.y);
         }
     }
 
