@@ -55,7 +55,18 @@ pub(crate) fn examine(subject: &Subject<'_>) -> Vec<Finding> {
         );
         findings.push(Finding::fact("control.references", what));
     }
+    findings.extend(unseen(subject, control));
     findings
+}
+
+/// References that begin when the loop has ended, as in a run that was shortened.
+fn unseen(subject: &Subject<'_>, control: &ControlSpec) -> Option<Finding> {
+    let begins_late = |start_s: f64| start_s >= control.duration_s;
+    let i = control.references.iter().position(|reference| begins_late(reference.start_s))?;
+    let [start, end] =
+        [control.references[i].start_s, control.duration_s].map(|seconds| subject.time(seconds));
+    let what = format!("it begins at {start}: the loop ends at {end}");
+    Some(Finding::fact(format!("control.references[{i}]"), what))
 }
 
 /// A reference that the closed loop keeps while other states move on.

@@ -67,6 +67,16 @@ fn only<'a>(findings: &'a [Finding], words: &str) -> (Severity, &'a str) {
     (found.severity, &found.change)
 }
 
+#[test]
+fn a_reference_after_the_end_of_the_loop_is_named() {
+    let references =
+        "control.references=[{ start_s = 0.0, value = [0.5] }, { start_s = 5.0, value = [0.0] }]";
+    let found = findings(["x2", "u - x1 - x2"], &[references]);
+    assert_eq!(only(&found, "it begins at 5 s: the loop ends at 5 s").0, Fact);
+    let whole = findings(["x2", "u - x1 - x2"], &[references, "control.duration_s=5.5"]);
+    assert!(whole.iter().all(|of| !of.what.contains("the loop ends at")), "{whole:#?}");
+}
+
 /// The actuator's limits belong to the bounds.
 #[test]
 fn an_input_that_the_equation_saturates_is_to_be_bounded_there() {
