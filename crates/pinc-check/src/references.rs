@@ -35,7 +35,7 @@ pub(crate) fn examine(subject: &Subject<'_>) -> Vec<Finding> {
             findings.push(along(subject, place, &value, kept));
             continue;
         }
-        findings.push(match point {
+        let mut finding = match point {
             HeldPoint::Within(point) => {
                 let (x, u) = (subject.state(&point.x), subject.input(&point.u));
                 Finding::fact(place, format!("{value} is held at {x} by {u}"))
@@ -45,7 +45,9 @@ pub(crate) fn examine(subject: &Subject<'_>) -> Vec<Finding> {
                 let at = (&*place, &*value);
                 nowhere(subject, control, at, &reference.value, nearest.as_ref())
             }
-        });
+        };
+        finding.what.extend(unseen(subject, reference.start_s, control));
+        findings.push(finding);
     }
     if subject.other_references > 0 {
         let (looked_at, others) = (subject.holds.len(), subject.other_references);
@@ -55,18 +57,14 @@ pub(crate) fn examine(subject: &Subject<'_>) -> Vec<Finding> {
         );
         findings.push(Finding::fact("control.references", what));
     }
-    findings.extend(unseen(subject, control));
     findings
 }
 
-/// References that begin when the loop has ended, as in a run that was shortened.
-fn unseen(subject: &Subject<'_>, control: &ControlSpec) -> Option<Finding> {
-    let begins_late = |start_s: f64| start_s >= control.duration_s;
-    let i = control.references.iter().position(|reference| begins_late(reference.start_s))?;
-    let [start, end] =
-        [control.references[i].start_s, control.duration_s].map(|seconds| subject.time(seconds));
-    let what = format!("it begins at {start}: the loop ends at {end}");
-    Some(Finding::fact(format!("control.references[{i}]"), what))
+/// What is said of a reference that begins when the loop has ended, as in a run that was shortened.
+fn unseen(subject: &Subject<'_>, start_s: f64, control: &ControlSpec) -> Option<String> {
+    let [start, end] = [start_s, control.duration_s].map(|seconds| subject.time(seconds));
+    (start_s >= control.duration_s)
+        .then(|| format!("; it begins at {start}: the loop ends at {end}"))
 }
 
 /// A reference that the closed loop keeps while other states move on.

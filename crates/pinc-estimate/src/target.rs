@@ -21,6 +21,9 @@ const CHANGE: f64 = 1e-6;
 /// that integrate have one.
 const LEAK: f64 = 0.01;
 
+/// Changes by less than this part of a value are rounding.
+const ROUNDING: f64 = 1e-9;
+
 /// How often what is missed is added to what is asked for: each time the inputs' pull on the states
 /// and outputs loses a factor of about [`INPUTS`] (the method of multipliers).
 const ROUNDS: usize = 4;
@@ -192,10 +195,10 @@ fn weights(q: &Weight, tracked: &[Tracked], sizes: &[f64]) -> Vec<Vec<f64>> {
     (0..parts.len()).map(row).collect()
 }
 
-/// The size of a variable that changes by `change`, or not at all and is `value`.
+/// The size of a variable that changes by `change`, or but for rounding not at all and is `value`.
 fn or_size(change: f64, value: f64) -> f64 {
-    let known = [change, value.abs()].into_iter().find(|size| size.is_normal());
-    known.unwrap_or(1.0)
+    let is_known = |size: &f64| size.is_normal() && *size > ROUNDING * value.abs();
+    [change, value.abs()].into_iter().find(is_known).unwrap_or(1.0)
 }
 
 /// A matrix that is stored row by row.
