@@ -25,7 +25,7 @@ pub(crate) fn examine(subject: &Subject<'_>) -> Vec<Finding> {
             let what = format!("{name} has no effect {beyond} {}", short(last));
             let finding = Finding::warning(format!("control.input_{key}"), what)
                 .because(format!(
-                    "a plan with {name} there has no slope to follow: steps stall or stay"
+                    "a plan with {name} there has no slope to follow: steps stall, or the plan stays there"
                 ))
                 .change(format!("{} as this bound of {name}", short(last)));
             findings.push(finding);

@@ -101,6 +101,7 @@ impl Run {
         let trains = ["train", "run"].map(Some).contains(&command(provenance.as_ref()));
         let never_trained = trains
             && experiment.training.is_some()
+            && experiment.sweep.is_none()
             && !metrics.as_ref().is_some_and(Metrics::has_results)
             && !dir.join(file::MODEL).exists();
         Ok(Self {

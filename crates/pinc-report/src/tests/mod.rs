@@ -443,6 +443,10 @@ fn an_unfinished_run_says_so() {
     assert!(build(dir.path()).unwrap().contains("The training is not finished"));
     write(&dir, "provenance.json", &PROVENANCE.replace("\"run\"", "\"control\""));
     assert!(!build(dir.path()).unwrap().contains("The training is not finished"));
+    // A sweep has trainings in directories of their own.
+    write(&dir, "provenance.json", PROVENANCE);
+    write(&dir, "config.toml", &format!("{CONFIG}\n[sweep]\nseeds = [1, 2]\n"));
+    assert!(!build(dir.path()).unwrap().contains("The training is not finished"));
 }
 
 /// Each of these commands leaves a table or a report of its own, and a config.
