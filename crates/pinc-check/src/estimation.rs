@@ -28,10 +28,11 @@ impl Estimating<'_> {
         let Self { subject, control, estimator } = self;
         let variables = Variables::of(subject.plant);
         let measurement = control.measurement.clone().unwrap_or_default();
-        let LoopParameters { names, values, estimated } = subject.experiment.loop_parameters();
+        let LoopParameters { names, values, estimated, known } =
+            subject.experiment.loop_parameters();
         let plant = subject.experiment.plant.family(&names);
         let model = plant.model(integrator, subject.step_s(), substeps).ok()?;
-        let parameters = (&values[..], &estimated[..]);
+        let parameters = (&values[..], &estimated[..], &known[..]);
         let augmentation = estimator.augmentation(&measurement, &variables, parameters);
         Augmented::new(model, augmentation).ok()
     }
@@ -217,7 +218,8 @@ fn linearized(of: Estimating<'_>, point: &OperatingPoint) -> Option<(Vec<f64>, V
     let z = [&point.x[..], unknowns].concat();
     let nx = model.dims().nx;
     let mut at = LinearizationBuffer::new(model.dims(), 1);
-    let here = Stages { x: &z, u: &point.u, p: &[] };
+    let known = model.known_values();
+    let here = Stages { x: &z, u: &point.u, p: &known };
     model.linearize(here, at.as_mut());
     let mut outputs = OutputLinearizationBuffer::new(model.dims(), 1);
     model.linearize_output(here, outputs.as_mut());

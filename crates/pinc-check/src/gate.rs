@@ -5,7 +5,7 @@ use crate::estimation::Estimating;
 use crate::numbers::with_unit;
 use crate::{Finding, LISTED, Rehearsal, Subject};
 use pinc_config::{ControlSpec, Variables};
-use pinc_estimate::{Augmented, Ekf, Estimator, Gate, Measured};
+use pinc_estimate::{Augmented, Ekf, Estimator, Gate, Measured, Tuning};
 use pinc_ode::{Dims, Integrator, Model, OutputLinearizationBuffer, Stages};
 
 /// The key that findings are about.
@@ -62,11 +62,12 @@ fn judged(
     let variables = Variables::of(subject.plant);
     let integrator = rehearsal.model.integrator().unwrap_or(Integrator::Rk4);
     let substeps = control.own_substeps(integrator);
-    let model = || of.model(integrator, substeps);
-    let tuning = estimator.tuning(control);
+    let mut model = of.model(integrator, substeps)?;
+    let tuning = Tuning { parameters: model.known_values(), ..estimator.tuning(control) };
     let unknowns = tuning.initial_estimate[variables.states.len()..].to_vec();
     let mut sensors = sensors(control, &variables);
-    let (mut model, mut filter) = (model()?, Ekf::new(Box::new(model()?), tuning.clone()).ok()?);
+    let of_filter = Box::new(of.model(integrator, substeps)?);
+    let mut filter = Ekf::new(of_filter, tuning.clone()).ok()?;
     let Dims { nx, nu, ny, .. } = model.dims();
     // A step linearizes the model, and about four derivatives cost as much as the value.
     let units = (integrator.stages() * substeps * (1 + nx / 4)) as u64 * subject.units;
@@ -74,8 +75,8 @@ fn judged(
     let (mut y, mut u) = (vec![0.0; ny], vec![0.0; nu]);
     for (step, &mark) in marks.iter().enumerate() {
         let z = [rehearsal.trace.state(mark), &unknowns].concat();
-        model.output(&z, &u, &[], &mut y);
-        let expected = expectation(&mut model, &filter, &u, &tuning.measurement_sd);
+        model.output(&z, &u, &tuning.parameters, &mut y);
+        let expected = expectation(&mut model, &filter, &u, &tuning);
         let correction = filter.correct(&y);
         for (i, (sensor, (expected, sd_of))) in sensors.iter_mut().zip(expected).enumerate() {
             let width = sd * sd_of;
@@ -121,21 +122,17 @@ fn sensors(control: &ControlSpec, variables: &Variables) -> Vec<Sensor> {
 }
 
 /// What is expected of each measurement, with the standard deviation of its innovation.
-fn expectation(
-    model: &mut Augmented,
-    filter: &Ekf,
-    u: &[f64],
-    noise_sd: &[f64],
-) -> Vec<(f64, f64)> {
+fn expectation(model: &mut Augmented, filter: &Ekf, u: &[f64], tuning: &Tuning) -> Vec<(f64, f64)> {
     let mut outputs = OutputLinearizationBuffer::new(model.dims(), 1);
-    model.linearize_output(Stages { x: filter.estimate(), u, p: &[] }, outputs.as_mut());
+    let at = Stages { x: filter.estimate(), u, p: &tuning.parameters };
+    model.linearize_output(at, outputs.as_mut());
     let (nx, OutputLinearizationBuffer { y, c, .. }) = (model.dims().nx, outputs);
     let sd = |(row, noise_sd): (&[f64], &f64)| {
         let columns = filter.covariance().chunks_exact(nx).zip(row);
         let entry = |(p, c): (&[f64], &f64)| c * p.iter().zip(row).map(|(p, c)| p * c).sum::<f64>();
         (columns.map(entry).sum::<f64>() + noise_sd * noise_sd).sqrt()
     };
-    y.into_iter().zip(c.chunks_exact(nx).zip(noise_sd).map(sd)).collect()
+    y.into_iter().zip(c.chunks_exact(nx).zip(&tuning.measurement_sd).map(sd)).collect()
 }
 
 fn widths(sensors: &[Sensor]) -> Finding {

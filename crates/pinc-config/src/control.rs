@@ -286,6 +286,16 @@ impl ControlSpec {
 }
 
 impl ControlSpec {
+    /// Whether the models are told a parameter at given times.
+    pub(crate) fn schedules(&self, name: &str) -> bool {
+        self.parameter_schedule.iter().any(|step| step.values.contains_key(name))
+    }
+
+    /// Whether they are told its values in the loop at all.
+    pub(crate) fn tells(&self, name: &str) -> bool {
+        self.measured_parameters.iter().any(|of| of == name) || self.schedules(name)
+    }
+
     /// The bounds of the states, with the values at the end of the horizon.
     fn state_bounds(&self, variables: &Variables) -> Bounds {
         let states = variables.states.len();

@@ -183,19 +183,20 @@ impl EstimatorSpec {
         }
     }
 
-    /// Returns what is measured and estimated beside the state, with models that have the
-    /// parameters `values`, of which those at the places `estimated` are estimated.
+    /// Returns what is measured, estimated and known beside the state, with models that have the
+    /// parameters `values`; those at the places `estimated` are estimated, those at `known` known.
     #[must_use]
     pub fn augmentation(
         &self,
         measurement: &MeasurementSpec,
         variables: &Variables,
-        (values, estimated): (&[f64], &[usize]),
+        (values, estimated, known): (&[f64], &[usize], &[usize]),
     ) -> Augmentation {
         let mut augmentation = Augmentation::measured(measurement.quantities(variables));
         augmentation.disturbance = self.disturbance(variables);
         augmentation.parameters = values.to_vec();
         augmentation.estimated = estimated.to_vec();
+        augmentation.known = known.to_vec();
         augmentation
     }
 
@@ -214,8 +215,8 @@ impl EstimatorSpec {
         names
     }
 
-    /// What the estimator knows of states, disturbances and parameters. The states move between
-    /// the bounds that `control` has for them.
+    /// What the estimator knows of states, disturbances and parameters that it estimates. The states
+    /// move between the bounds that `control` has for them.
     #[must_use]
     pub fn tuning(&self, control: &ControlSpec) -> Tuning {
         let disturbances = self.disturbance_sd.len();
@@ -236,6 +237,7 @@ impl EstimatorSpec {
             initial_sd: with(&self.initial_sd, &self.disturbance_initial_sd, |p| p.initial_sd),
             process_sd: with(&self.process_sd, &self.disturbance_sd, |p| p.drift_sd),
             measurement_sd: self.measurement_sd.clone(),
+            parameters: Vec::new(),
             low: side(&self.low, f64::NEG_INFINITY, |p| p.low.unwrap_or(f64::NEG_INFINITY)),
             high: side(&self.high, f64::INFINITY, |p| p.high.unwrap_or(f64::INFINITY)),
             gate: self.gate.map_or_else(Gate::default, Gate::from),

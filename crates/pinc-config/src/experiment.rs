@@ -95,6 +95,8 @@ pub struct LoopParameters<'a> {
     pub values: Vec<f64>,
     /// The places of those that are estimated, in the order of the estimator.
     pub estimated: Vec<usize>,
+    /// The places of those that are told: all, or with an estimator those measured or scheduled.
+    pub known: Vec<usize>,
 }
 
 impl Experiment {
@@ -260,8 +262,7 @@ impl Experiment {
         ranges.map(|range| range.name.as_str()).collect()
     }
 
-    /// The values that the models of the controller have for [`Experiment::varying`], in this
-    /// order.
+    /// The values that the models of the controller have for [`Experiment::varying`], in order.
     #[must_use]
     pub fn model_parameters(&self) -> Vec<f64> {
         let (nominal, truth) = (self.plant.parameters(), self.plant_in_the_loop().parameters());
@@ -323,7 +324,9 @@ impl Experiment {
                 values.push(*value);
             }
         }
-        LoopParameters { names, values, estimated }
+        let mut known: Vec<usize> = (0..names.len()).collect();
+        known.retain(|&i| estimator.is_none() || control.is_some_and(|of| of.tells(names[i])));
+        LoopParameters { names, values, estimated, known }
     }
 
     /// Whether the controller is told several values of a parameter.

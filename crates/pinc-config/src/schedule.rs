@@ -186,8 +186,7 @@ fn push(rows: &mut Vec<(usize, Vec<f64>)>, start: usize, row: &[f64]) {
 }
 
 impl Experiment {
-    /// Returns the values that the models of the loop get for the parameters
-    /// [`Experiment::varying`].
+    /// Returns the values that the models of the loop get for [`LoopParameters::known`].
     #[must_use]
     pub fn model_schedule(&self, sample_time_s: f64) -> Schedule {
         let Some(control) = &self.control else { return Schedule::default() };
@@ -198,8 +197,9 @@ impl Experiment {
                 change.values.retain(|name, _| control.measured_parameters.contains(name));
             }
         }
-        let LoopParameters { names, values, .. } = self.loop_parameters();
-        let names = names.into_iter().map(str::to_owned).collect();
+        let LoopParameters { names, values, known, .. } = self.loop_parameters();
+        let told = known.into_iter().map(|place| (names[place].to_owned(), values[place]));
+        let (names, values) = told.unzip();
         Schedule::of(names, values, &changes, sample_time_s)
     }
 

@@ -11,7 +11,7 @@ use pinc_ode::{Dims, Linearization, Model, OutputLinearization, Stages};
 /// x+ = F(x, u, p, d),  d+ = d,  theta+ = theta,  y = what is measured
 /// ```
 ///
-/// and whose outputs are what is measured. It has no parameters of its own.
+/// and whose outputs are what is measured. Its parameters are the known ones.
 ///
 /// ```
 /// use pinc_estimate::{Augmentation, Augmented, Disturbance, Measured};
@@ -47,7 +47,7 @@ impl Augmented {
     /// [`EstimateError`] if the augmentation does not suit the model.
     pub fn new(model: Box<dyn Model>, augmentation: Augmentation) -> Result<Self, EstimateError> {
         let inner = Disturbed::new(model, augmentation)?;
-        let (nx, nw, ny) = (inner.dims().nx, inner.unknowns(), inner.measured().len());
+        let (nx, nw, ny) = (inner.dims().nx, inner.width(), inner.measured().len());
         Ok(Self {
             x: vec![0.0; BLOCK * nx],
             w: vec![0.0; BLOCK * nw],
@@ -67,6 +67,12 @@ impl Augmented {
         self.inner.disturbance().count(self.inner.dims().nu, measured)
     }
 
+    /// The known parameters until an estimator is told others, `np`.
+    #[must_use]
+    pub fn known_values(&self) -> Vec<f64> {
+        self.inner.known_values()
+    }
+
     /// Returns the measured quantities.
     #[must_use]
     pub fn measured(&self) -> &[Measured] {
@@ -79,17 +85,26 @@ impl Augmented {
         self.inner.disturbance()
     }
 
+    /// Takes x and w of some points apart, where w has the known parameters `p`.
+    fn arrange(&mut self, z: &[f64], p: &[f64]) {
+        let (nx, known) = (self.inner.dims().nx, self.inner.known());
+        let (nz, nw) = (nx + self.inner.unknowns(), self.inner.width());
+        for (k, z) in z.chunks_exact(nz).enumerate() {
+            self.x[k * nx..(k + 1) * nx].copy_from_slice(&z[..nx]);
+            let w = &mut self.w[k * nw..(k + 1) * nw];
+            w[..nz - nx].copy_from_slice(&z[nx..]);
+            w[nz - nx..].copy_from_slice(&p[k * known..(k + 1) * known]);
+        }
+    }
+
     /// Linearizes at one block of points, at most.
     fn linearize_block(&mut self, at: Stages<'_>, out: Linearization<'_>) {
-        let (nx, nw, nu) = (self.inner.dims().nx, self.inner.unknowns(), self.inner.dims().nu);
-        let nz = nx + nw;
+        let Dims { nx, nu, .. } = self.inner.dims();
+        let (nz, nw, known) = (nx + self.inner.unknowns(), self.inner.width(), self.inner.known());
         let count = at.x.len() / nz;
-        for (k, z) in at.x.chunks_exact(nz).enumerate() {
-            self.x[k * nx..(k + 1) * nx].copy_from_slice(&z[..nx]);
-            self.w[k * nw..(k + 1) * nw].copy_from_slice(&z[nx..]);
-        }
+        self.arrange(at.x, at.p);
         // The Jacobian by u has zeros below, but the rows of a point are contiguous all the same.
-        let Linearization { next, a, b, .. } = out;
+        let Linearization { next, a, b, e: by_known } = out;
         let inner_b = &mut b[..count * nx * nu];
         self.inner.linearize(
             Stages { x: &self.x[..count * nx], u: at.u, p: &self.w[..count * nw] },
@@ -106,17 +121,25 @@ impl Augmented {
             b[(k * nz + nx) * nu..(k + 1) * nz * nu].fill(0.0);
             let next = &mut next[k * nz..(k + 1) * nz];
             next[..nx].copy_from_slice(&self.next[k * nx..(k + 1) * nx]);
-            next[nx..].copy_from_slice(&self.w[k * nw..(k + 1) * nw]);
+            next[nx..].copy_from_slice(&at.x[k * nz + nx..(k + 1) * nz]);
             let a = &mut a[k * nz * nz..(k + 1) * nz * nz];
             for (i, row) in a.chunks_exact_mut(nz).enumerate() {
                 if i < nx {
                     let at = k * nx + i;
                     row[..nx].copy_from_slice(&self.a[at * nx..(at + 1) * nx]);
-                    row[nx..].copy_from_slice(&self.e[at * nw..(at + 1) * nw]);
+                    row[nx..].copy_from_slice(&self.e[at * nw..at * nw + nz - nx]);
                 } else {
                     row.fill(0.0);
                     row[i] = 1.0;
                 }
+            }
+        }
+        by_known.fill(0.0);
+        for (at, row) in by_known.chunks_exact_mut(known.max(1)).enumerate() {
+            let (k, i) = (at / nz, at % nz);
+            if i < nx {
+                let from = (k * nx + i + 1) * nw;
+                row.copy_from_slice(&self.e[from - known..from]);
             }
         }
     }
@@ -125,18 +148,21 @@ impl Augmented {
 impl Model for Augmented {
     fn dims(&self) -> Dims {
         let Dims { nx, nu, .. } = self.inner.dims();
-        Dims::new(nx + self.inner.unknowns(), nu).with_outputs(self.inner.measured().len())
+        Dims::new(nx + self.inner.unknowns(), nu)
+            .with_parameters(self.inner.known())
+            .with_outputs(self.inner.measured().len())
     }
 
     fn sample_time_s(&self) -> f64 {
         self.inner.sample_time_s()
     }
 
-    fn step(&mut self, x: &[f64], u: &[f64], _p: &[f64], next: &mut [f64]) {
-        let nx = self.inner.dims().nx;
-        let (x, w) = x.split_at(nx);
-        self.inner.step(Stages { x, u, p: w }, &mut next[..nx]);
-        next[nx..].copy_from_slice(w);
+    fn step(&mut self, x: &[f64], u: &[f64], p: &[f64], next: &mut [f64]) {
+        let (nx, nw) = (self.inner.dims().nx, self.inner.width());
+        self.arrange(x, p);
+        let at = Stages { x: &self.x[..nx], u, p: &self.w[..nw] };
+        self.inner.step(at, &mut next[..nx]);
+        next[nx..].copy_from_slice(&x[nx..]);
     }
 
     fn linearize(&mut self, at: Stages<'_>, mut out: Linearization<'_>) {
@@ -149,27 +175,31 @@ impl Model for Augmented {
         }
     }
 
-    fn output(&mut self, x: &[f64], u: &[f64], _p: &[f64], y: &mut [f64]) {
-        let (x, w) = x.split_at(self.inner.dims().nx);
-        self.inner.measure(Stages { x, u, p: w }, y);
+    fn output(&mut self, x: &[f64], u: &[f64], p: &[f64], y: &mut [f64]) {
+        let (nx, nw) = (self.inner.dims().nx, self.inner.width());
+        self.arrange(x, p);
+        self.inner.measure(Stages { x: &self.x[..nx], u, p: &self.w[..nw] }, y);
     }
 
     fn linearize_output(&mut self, at: Stages<'_>, mut out: OutputLinearization<'_>) {
         let dims = self.dims();
         let count = at.count(dims);
         out.check(count, dims);
-        let (nx, nw) = (self.inner.dims().nx, self.inner.unknowns());
+        let (nx, nw, known) = (self.inner.dims().nx, self.inner.width(), self.inner.known());
         for k in 0..count {
             let point = at.point(k, dims);
-            let OutputLinearization { y, c: by_z, d, .. } = out.point(k, dims);
-            let (x, w) = point.x.split_at(nx);
+            let OutputLinearization { y, c: by_z, d, e: by_known } = out.point(k, dims);
+            self.arrange(point.x, point.p);
             self.inner.linearize_measurement(
-                Stages { x, u: point.u, p: w },
+                Stages { x: &self.x[..nx], u: point.u, p: &self.w[..nw] },
                 OutputLinearization { y, c: &mut self.by_x, d, e: &mut self.by_w },
             );
-            for (i, row) in by_z.chunks_exact_mut(nx + nw).enumerate() {
+            for (i, row) in by_z.chunks_exact_mut(dims.nx).enumerate() {
                 row[..nx].copy_from_slice(&self.by_x[i * nx..(i + 1) * nx]);
-                row[nx..].copy_from_slice(&self.by_w[i * nw..(i + 1) * nw]);
+                row[nx..].copy_from_slice(&self.by_w[i * nw..(i + 1) * nw - known]);
+            }
+            for (i, row) in by_known.chunks_exact_mut(known.max(1)).enumerate() {
+                row.copy_from_slice(&self.by_w[(i + 1) * nw - known..(i + 1) * nw]);
             }
         }
     }

@@ -5,9 +5,9 @@ use crate::{Augmentation, Disturbance, EstimateError, Measured};
 use pinc_mpc::{NmpcProblem, Weights};
 use pinc_ode::{Dims, Linearization, Model, OutputLinearization, Stages};
 
-/// A model whose parameters are the estimated disturbances and parameters, w = (d, theta): what a
-/// controller predicts with, while an estimator of the [`Augmented`](crate::Augmented) model says
-/// what w is.
+/// A model whose parameters are the estimated disturbances and parameters and the known parameters,
+/// w = (d, theta, known): what a controller predicts with, while an estimator of the
+/// [`Augmented`](crate::Augmented) model says what d and theta are.
 ///
 /// A disturbance of a measured state is part of the state here: the controller sees x + d, which is
 /// what follows references and is bounded, and the model is x + d -> F(x, u) + d. Disturbances of
@@ -43,8 +43,7 @@ pub struct Compensated {
 }
 
 impl Compensated {
-    /// `model`, with the disturbances and unknown parameters that `augmentation` names as its
-    /// parameters.
+    /// `model`, with the disturbances and parameters that `augmentation` names as its parameters.
     ///
     /// # Errors
     ///
@@ -64,7 +63,7 @@ impl Compensated {
     }
 
     /// The control problem of this model, as [`NmpcProblem::new`] has it: until an estimator says
-    /// otherwise, there are no disturbances, and the estimated parameters have the values of
+    /// otherwise, there are no disturbances, and the parameters have the values of
     /// [`Augmentation::parameters`].
     #[must_use]
     pub fn problem(&self, horizon: usize, weights: Weights) -> NmpcProblem {
@@ -74,7 +73,7 @@ impl Compensated {
 
     /// Takes the disturbances off the states of some points.
     fn unshift(&mut self, x: &[f64], w: &[f64]) {
-        let (nx, nw) = (self.inner.dims().nx, self.inner.unknowns());
+        let (nx, nw) = (self.inner.dims().nx, self.inner.width());
         self.x[..x.len()].copy_from_slice(x);
         for (k, x) in self.x[..x.len()].chunks_exact_mut(nx).enumerate() {
             for &(state, place) in &self.shifted {
@@ -84,7 +83,7 @@ impl Compensated {
     }
 
     fn linearize_block(&mut self, at: Stages<'_>, out: Linearization<'_>) {
-        let (nx, nw) = (self.inner.dims().nx, self.inner.unknowns());
+        let (nx, nw) = (self.inner.dims().nx, self.inner.width());
         self.unshift(at.x, at.p);
         let Linearization { next, a, b, e } = out;
         self.inner.linearize(
@@ -105,7 +104,7 @@ impl Compensated {
 
 impl Model for Compensated {
     fn dims(&self) -> Dims {
-        self.inner.dims().with_parameters(self.inner.unknowns())
+        self.inner.dims().with_parameters(self.inner.width())
     }
 
     fn sample_time_s(&self) -> f64 {

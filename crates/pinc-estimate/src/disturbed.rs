@@ -21,6 +21,9 @@ pub struct Augmentation {
     pub parameters: Vec<f64>,
     /// Which of the parameters are estimated, by their indices.
     pub estimated: Vec<usize>,
+    /// Which of the parameters are known anew in each step (measured disturbances, prices), by their
+    /// indices.
+    pub known: Vec<usize>,
 }
 
 impl Augmentation {
@@ -36,16 +39,29 @@ impl Augmentation {
         self.disturbance.count(dims.nu, self.measured.len()) + self.estimated.len()
     }
 
+    /// The values of the known parameters until they are told.
+    #[must_use]
+    pub fn known_values(&self) -> Vec<f64> {
+        self.known.iter().map(|&place| self.parameters[place]).collect()
+    }
+
+    /// The parameters of which a controller is told values, in their order in w: those estimated, then
+    /// those known.
+    fn told(&self) -> impl Iterator<Item = &usize> {
+        self.estimated.iter().chain(&self.known)
+    }
+
     /// Writes what belongs to the estimate z = (x, d, theta): the state that a controller with the
-    /// [`Compensated`](crate::Compensated) model sees, and that model's parameters w = (d, theta).
+    /// [`Compensated`](crate::Compensated) model sees, and of that model's parameters w = (d, theta,
+    /// known) those that are estimated.
     ///
     /// # Shapes
     ///
-    /// `x`: `nx` of the plant; `w`: the rest of z.
+    /// `x`: `nx` of the plant; `w`: the rest of z, and the known parameters, which stay.
     pub fn read(&self, z: &[f64], x: &mut [f64], w: &mut [f64]) {
         let (state, unknowns) = z.split_at(x.len());
         x.copy_from_slice(state);
-        w.copy_from_slice(unknowns);
+        w[..unknowns.len()].copy_from_slice(unknowns);
         if self.disturbance == Disturbance::Output {
             for (measured, d) in self.measured.iter().zip(w) {
                 if let Measured::State(state) = *measured {
@@ -56,18 +72,24 @@ impl Augmentation {
     }
 
     /// Writes the covariance of what [`Augmentation::read`] gives, (x, w), from that of the estimate of a
-    /// plant with `nx` states.
+    /// plant with `nx` states. Known parameters have none.
     ///
     /// # Shapes
     ///
-    /// `of_estimate`, `covariance`: `[nz, nz]`.
+    /// `of_estimate`: `[nz, nz]`; `covariance`: as many more rows and columns as parameters are known.
     pub fn read_covariance(&self, of_estimate: &[f64], nx: usize, covariance: &mut Vec<f64>) {
+        let known = self.known.len();
+        let estimated = of_estimate.len().isqrt();
+        let nz = estimated + known;
         covariance.clear();
-        covariance.extend(of_estimate);
+        for row in of_estimate.chunks_exact(estimated.max(1)) {
+            covariance.extend(row);
+            covariance.resize(covariance.len() + known, 0.0);
+        }
+        covariance.resize(nz * nz, 0.0);
         if self.disturbance != Disturbance::Output {
             return;
         }
-        let nz = nx + self.measured.len() + self.estimated.len();
         for (place, measured) in self.measured.iter().enumerate() {
             if let Measured::State(state) = *measured {
                 // x + d, by rows and by columns.
@@ -83,15 +105,16 @@ impl Augmentation {
 
     /// Turns what a controller with the [`Compensated`](crate::Compensated) model asks, (x, u, w), into
     /// what the model itself is asked: `x` without output disturbances, `u` with input disturbances,
-    /// and `p` with the estimated parameters.
+    /// and `p` with the estimated and known parameters.
     ///
     /// # Shapes
     ///
-    /// `x`: `nx`; `u`: `nu`; `w`: disturbances and estimated parameters; `p`: `np` of the model.
+    /// `x`: `nx`; `u`: `nu`; `w`: disturbances, estimated and known parameters; `p`: `np` of the
+    /// model.
     pub fn arguments(&self, x: &mut [f64], u: &mut [f64], w: &[f64], p: &mut [f64]) {
         p.copy_from_slice(&self.parameters);
-        let (disturbances, estimated) = w.split_at(w.len() - self.estimated.len());
-        for (&place, value) in self.estimated.iter().zip(estimated) {
+        let (disturbances, told) = w.split_at(w.len() - self.told().count());
+        for (&place, value) in self.told().zip(told) {
             p[place] = *value;
         }
         match &self.disturbance {
@@ -113,7 +136,7 @@ impl Augmentation {
     ///
     /// [`EstimateError`], with the reason.
     pub fn validate(&self, dims: Dims) -> Result<(), EstimateError> {
-        let Self { measured, disturbance, parameters, estimated } = self;
+        let Self { measured, disturbance, parameters, estimated, known } = self;
         if measured.is_empty() {
             return Err(EstimateError::NothingMeasured);
         }
@@ -138,7 +161,12 @@ impl Augmentation {
             return Err(EstimateError::TooManyDisturbances { disturbances, measured });
         }
         check("parameters", parameters, dims.np, "finite", f64::is_finite)?;
-        Ok(ArgumentError::check_places("estimated parameters", estimated, dims.np)?)
+        ArgumentError::check_places("estimated parameters", estimated, dims.np)?;
+        ArgumentError::check_places("known parameters", known, dims.np)?;
+        match known.iter().find(|place| estimated.contains(place)) {
+            Some(&index) => Err(EstimateError::KnownAndEstimated { index }),
+            None => Ok(()),
+        }
     }
 }
 
@@ -176,7 +204,8 @@ impl InnerArguments {
     }
 }
 
-/// A model whose parameters are the disturbances and the estimated parameters, w = (d, theta).
+/// A model whose parameters are the disturbances and the estimated and known parameters, w = (d,
+/// theta, known).
 #[derive(Debug)]
 pub(crate) struct Disturbed {
     model: Box<dyn Model>,
@@ -184,6 +213,8 @@ pub(crate) struct Disturbed {
     dims: Dims,
     augmentation: Augmentation,
     disturbances: usize,
+    /// The places of theta and of the known parameters.
+    told: Vec<usize>,
     /// u + d and p at the points of a block.
     u: Vec<f64>,
     p: Vec<f64>,
@@ -203,6 +234,7 @@ impl Disturbed {
         let Dims { nx, nu, np, .. } = dims;
         Ok(Self {
             disturbances: augmentation.disturbance.count(nu, augmentation.measured.len()),
+            told: augmentation.told().copied().collect(),
             augmentation,
             u: vec![0.0; BLOCK * nu],
             p: vec![0.0; BLOCK * np],
@@ -227,11 +259,24 @@ impl Disturbed {
         self.disturbances + self.augmentation.estimated.len()
     }
 
-    /// w without disturbances, the estimated parameters at the values of the augmentation.
+    /// The number of known parameters.
+    pub(crate) fn known(&self) -> usize {
+        self.augmentation.known.len()
+    }
+
+    pub(crate) fn known_values(&self) -> Vec<f64> {
+        self.augmentation.known_values()
+    }
+
+    /// The length of w.
+    pub(crate) fn width(&self) -> usize {
+        self.disturbances + self.told.len()
+    }
+
+    /// w without disturbances, the parameters at the values of the augmentation.
     pub(crate) fn nominal(&self) -> Vec<f64> {
-        let Augmentation { parameters, estimated, .. } = &self.augmentation;
         let mut w = vec![0.0; self.disturbances];
-        w.extend(estimated.iter().map(|&index| parameters[index]));
+        w.extend(self.told.iter().map(|&index| self.augmentation.parameters[index]));
         w
     }
 
@@ -247,22 +292,20 @@ impl Disturbed {
     /// the number of points.
     fn arrange(&mut self, at: Stages<'_>) -> usize {
         let Dims { nx, nu, np, .. } = self.dims;
-        let (count, nw) = (at.x.len() / nx, self.unknowns());
+        let (count, nw) = (at.x.len() / nx, self.width());
         assert!(at.x.len() == count * nx, "length of x");
         assert!(at.u.len() == count * nu, "length of u");
         assert!(at.p.len() == count * nw, "length of p");
         self.u[..count * nu].copy_from_slice(at.u);
         for k in 0..count {
             let w = &at.p[k * nw..(k + 1) * nw];
-            let (d, theta) = w.split_at(self.disturbances);
+            let (d, told) = w.split_at(self.disturbances);
             if self.augmentation.disturbance == Disturbance::Input {
                 self.u[k * nu..].iter_mut().zip(d).for_each(|(u, d)| *u += d);
             }
             let p = &mut self.p[k * np..(k + 1) * np];
             p.copy_from_slice(&self.augmentation.parameters);
-            for (&index, theta) in self.augmentation.estimated.iter().zip(theta) {
-                p[index] = *theta;
-            }
+            self.told.iter().zip(told).for_each(|(&index, value)| p[index] = *value);
         }
         count
     }
@@ -289,10 +332,10 @@ impl Disturbed {
     /// Linearizes at a block of points; `out.e` is the Jacobian by w, or empty.
     pub(crate) fn linearize(&mut self, at: Stages<'_>, out: Linearization<'_>) {
         let Dims { nx, nu, np, .. } = self.dims;
-        let nw = self.unknowns();
+        let nw = self.width();
         let count = self.arrange(at);
         let Linearization { next, a, b, e } = out;
-        let with_p = !e.is_empty() && !self.augmentation.estimated.is_empty();
+        let with_p = !e.is_empty() && !self.told.is_empty();
         let by_p = if with_p { count * nx * np } else { 0 };
         self.model.linearize(
             Stages { x: at.x, u: &self.u[..count * nu], p: &self.p[..count * np] },
@@ -308,7 +351,7 @@ impl Disturbed {
         }
         e.fill(0.0);
         for (row, e) in e.chunks_exact_mut(nw.max(1)).enumerate() {
-            let (by_d, by_theta) = e.split_at_mut(self.disturbances);
+            let (by_d, by_told) = e.split_at_mut(self.disturbances);
             match &self.augmentation.disturbance {
                 Disturbance::Input => by_d.copy_from_slice(&b[row * nu..(row + 1) * nu]),
                 Disturbance::States(states) => {
@@ -317,7 +360,7 @@ impl Disturbed {
                 }
                 Disturbance::Output | Disturbance::None => {}
             }
-            for (to, index) in by_theta.iter_mut().zip(&self.augmentation.estimated) {
+            for (to, index) in by_told.iter_mut().zip(&self.told) {
                 *to = self.by_p[row * np + index];
             }
         }
@@ -360,7 +403,7 @@ impl Disturbed {
     /// Linearizes all outputs of the model at one point; `out.e` is the Jacobian by w, or empty.
     pub(crate) fn linearize_all_outputs(&mut self, at: Stages<'_>, out: OutputLinearization<'_>) {
         let Dims { nu, np, .. } = self.dims;
-        let nw = self.unknowns();
+        let nw = self.width();
         self.arrange(at);
         let OutputLinearization { y, c, d, e } = out;
         self.model.linearize_output(
@@ -369,17 +412,17 @@ impl Disturbed {
         );
         e.fill(0.0);
         for (o, by_w) in e.chunks_exact_mut(nw.max(1)).enumerate() {
-            self.fill_unknowns(&d[o * nu..(o + 1) * nu], o, by_w);
+            self.fill_by_w(&d[o * nu..(o + 1) * nu], o, by_w);
         }
     }
 
     /// Writes the derivatives by w of output `o`, of which `by_u` are those by u.
-    fn fill_unknowns(&self, by_u: &[f64], o: usize, by_w: &mut [f64]) {
-        let (by_d, by_theta) = by_w.split_at_mut(self.disturbances);
+    fn fill_by_w(&self, by_u: &[f64], o: usize, by_w: &mut [f64]) {
+        let (by_d, by_told) = by_w.split_at_mut(self.disturbances);
         if self.augmentation.disturbance == Disturbance::Input {
             by_d.copy_from_slice(by_u);
         }
-        for (to, index) in by_theta.iter_mut().zip(&self.augmentation.estimated) {
+        for (to, index) in by_told.iter_mut().zip(&self.told) {
             *to = self.outputs.e[o * self.dims.np + index];
         }
     }
@@ -387,7 +430,7 @@ impl Disturbed {
     /// Linearizes the measured quantities at one point; `out.e` is the Jacobian by w.
     pub(crate) fn linearize_measurement(&mut self, at: Stages<'_>, out: OutputLinearization<'_>) {
         let Dims { nx, nu, np, .. } = self.dims;
-        let nw = self.unknowns();
+        let nw = self.width();
         self.arrange(at);
         let is_output = |measured: &Measured| matches!(measured, Measured::Output(_));
         if self.augmentation.measured.iter().any(is_output) {
@@ -407,7 +450,7 @@ impl Disturbed {
                     out.c[i * nx..(i + 1) * nx]
                         .copy_from_slice(&self.outputs.c[o * nx..(o + 1) * nx]);
                     out.d[i * nu..(i + 1) * nu].copy_from_slice(by_u);
-                    self.fill_unknowns(by_u, o, by_w);
+                    self.fill_by_w(by_u, o, by_w);
                 }
             }
             if self.augmentation.disturbance == Disturbance::Output {

@@ -73,6 +73,10 @@ impl Estimator for Ekf {
         self.filter.u.copy_from_slice(u);
     }
 
+    fn set_parameters(&mut self, p: &[f64]) {
+        self.filter.p.copy_from_slice(p);
+    }
+
     fn correct_within(&mut self, y: &[f64], _expired: &mut dyn FnMut() -> bool) -> Correction {
         let correction = self.filter.correct(&self.z, y);
         if correction.status.is_corrected() {
@@ -105,6 +109,7 @@ impl Estimator for Ekf {
     fn remember(&mut self, memory: &mut Memory<'_>) {
         memory.numbers(&mut self.z);
         memory.numbers(&mut self.filter.u);
+        memory.numbers(&mut self.filter.p);
         self.filter.kalman.remember(memory);
     }
 }

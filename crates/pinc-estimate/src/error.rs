@@ -13,14 +13,11 @@ pub enum EstimateError {
     /// An argument that does not fit.
     #[error(transparent)]
     Argument(#[from] ArgumentError),
-    /// A model whose parameters nobody knows.
-    #[error(
-        "the model has {count} parameters that the estimator does not know: an `Augmented` model \
-         fixes or estimates them"
-    )]
-    FreeParameters {
-        /// How many.
-        count: usize,
+    /// A parameter that is both known and estimated.
+    #[error("parameter {index} is both known and estimated")]
+    KnownAndEstimated {
+        /// Its index.
+        index: usize,
     },
     /// Nothing is measured.
     #[error("nothing is measured: an estimator needs at least one measured quantity")]

@@ -30,6 +30,14 @@ pub trait Estimator: Debug + Send {
     /// `u`: `nu`.
     fn reset_input(&mut self, u: &[f64]);
 
+    /// Says what the known parameters of the model are from now on; until then they are those of
+    /// [`Tuning::parameters`].
+    ///
+    /// # Shapes
+    ///
+    /// `p`: `np`.
+    fn set_parameters(&mut self, p: &[f64]);
+
     /// Corrects the estimate with what is measured now.
     ///
     /// # Shapes
@@ -167,6 +175,8 @@ pub struct Tuning {
     pub process_sd: Vec<f64>,
     /// The noise of each measured quantity, `ny`, positive.
     pub measurement_sd: Vec<f64>,
+    /// The parameters of the model before [`Estimator::set_parameters`], `np`.
+    pub parameters: Vec<f64>,
     /// The least that each entry of z can be, `nx`, or empty: no bounds. Kalman filters clip their
     /// estimates.
     pub low: Vec<f64>,
@@ -190,10 +200,8 @@ impl Tuning {
 
     /// Checks it for a model of dimensions `dims`.
     pub(crate) fn validate(&self, dims: Dims) -> Result<(), EstimateError> {
-        if dims.np > 0 {
-            return Err(EstimateError::FreeParameters { count: dims.np });
-        }
         self.gate.validate()?;
+        check("parameters", &self.parameters, dims.np, "finite", f64::is_finite)?;
         let nx = dims.nx;
         let sd = |value: f64| value.is_finite() && value >= 0.0;
         let positive = |value: f64| value.is_finite() && value > 0.0;

@@ -123,6 +123,8 @@ impl OutputFeedback {
 impl Observer for OutputFeedback {
     fn observe(&mut self, plant: PlantNow<'_>, x: &mut [f64], parameters: &mut [f64]) {
         self.measure(plant);
+        let known = parameters.len() - self.augmentation.known.len();
+        self.estimator.set_parameters(&parameters[known..]);
         let correction = self.estimator.correct(&self.measured);
         let z = self.estimator.estimate();
         self.augmentation.read(z, x, parameters);

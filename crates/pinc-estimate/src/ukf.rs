@@ -6,7 +6,7 @@ use crate::kalman::subtract;
 use crate::matrix::{add_scaled, dot, factor, solve_lower};
 use crate::{Correction, EstimateError, Estimator, EstimatorStatus, Tuning};
 use pinc_mpc::Memory;
-use pinc_ode::{Dims, Model};
+use pinc_ode::{Dims, Model, Stages};
 use pinc_qp::{all_finite, symmetrize};
 
 /// Merwe's parameters of the sigma points.
@@ -55,6 +55,8 @@ pub struct Ukf {
     z: Vec<f64>,
     p: Vec<f64>,
     u: Vec<f64>,
+    /// The known parameters now.
+    parameters: Vec<f64>,
     innovation: Vec<f64>,
     work: Work,
 }
@@ -127,6 +129,7 @@ impl Ukf {
             gate: Gatekeeper::new(&tuning),
             z: vec![0.0; nx],
             p: vec![0.0; nx * nx],
+            parameters: tuning.parameters.clone(),
             tuning,
             u: vec![0.0; dims.nu],
             innovation: vec![f64::NAN; ny],
@@ -156,20 +159,20 @@ impl Ukf {
     fn transform(
         &mut self,
         width: usize,
-        f: impl Fn(&mut dyn Model, &[f64], &[f64], &mut [f64]),
+        f: impl Fn(&mut dyn Model, Stages<'_>, &mut [f64]),
     ) -> EstimatorStatus {
         let n = self.z.len();
-        let Self { model, z, p, u, work, weights, .. } = self;
+        let Self { model, z, p, u, parameters, work, weights, .. } = self;
         if !factor(p, n, &mut work.root) {
             return EstimatorStatus::IndefiniteCovariance;
         }
-        f(model.as_mut(), z, u, &mut work.middle[..width]);
+        f(model.as_mut(), Stages { x: z, u, p: parameters }, &mut work.middle[..width]);
         for (i, to) in work.outer[..2 * n * width].chunks_exact_mut(width).enumerate() {
             let (column, sign) = (i % n, if i < n { 1.0 } else { -1.0 });
             for (k, (point, z)) in work.point.iter_mut().zip(&*z).enumerate() {
                 *point = z + sign * weights.spread * work.root[k * n + column];
             }
-            f(model.as_mut(), &work.point, u, to);
+            f(model.as_mut(), Stages { x: &work.point, u, p: parameters }, to);
             to.iter_mut().zip(&work.middle).for_each(|(to, middle)| *to -= middle);
         }
         let mean = &mut work.mean[..width];
@@ -299,7 +302,7 @@ impl Ukf {
 
     /// What is expected to be measured, with the innovations of what is.
     fn expect(&mut self, y: &[f64]) -> EstimatorStatus {
-        let status = self.transform(y.len(), |model, z, u, y| model.output(z, u, &[], y));
+        let status = self.transform(y.len(), |model, at, y| model.output(at.x, at.u, at.p, y));
         let Work { middle, mean, residual, .. } = &mut self.work;
         let expected = middle.iter().zip(&*mean).map(|(middle, mean)| middle + mean);
         residual.iter_mut().zip(expected).for_each(|(to, expected)| *to = expected);
@@ -398,12 +401,17 @@ impl Estimator for Ukf {
         write_diagonal(&self.tuning.initial_sd, &mut self.p);
         self.gate.reset();
         self.u.fill(0.0);
+        self.parameters.copy_from_slice(&self.tuning.parameters);
         self.innovation.fill(f64::NAN);
     }
 
     fn reset_input(&mut self, u: &[f64]) {
         self.reset();
         self.u.copy_from_slice(u);
+    }
+
+    fn set_parameters(&mut self, p: &[f64]) {
+        self.parameters.copy_from_slice(p);
     }
 
     fn correct_within(&mut self, y: &[f64], _expired: &mut dyn FnMut() -> bool) -> Correction {
@@ -415,7 +423,7 @@ impl Estimator for Ukf {
     fn predict(&mut self, u: &[f64]) -> EstimatorStatus {
         self.u.copy_from_slice(u);
         let n = self.z.len();
-        let status = self.transform(n, |model, z, u, next| model.step(z, u, &[], next));
+        let status = self.transform(n, |model, at, next| model.step(at.x, at.u, at.p, next));
         if status != EstimatorStatus::Updated {
             return status;
         }
@@ -450,7 +458,7 @@ impl Estimator for Ukf {
     }
 
     fn remember(&mut self, memory: &mut Memory<'_>) {
-        for part in [&mut self.z, &mut self.p, &mut self.u] {
+        for part in [&mut self.z, &mut self.p, &mut self.u, &mut self.parameters] {
             memory.numbers(part);
         }
         self.gate.remember(memory);

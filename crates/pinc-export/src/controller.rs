@@ -222,6 +222,9 @@ impl<'a> Controller<'a> {
                 "constants, or parameters that are estimated",
             );
         }
+        if self.estimator.is_some_and(|of| !of.augmentation.known.is_empty()) {
+            return refuse("known parameters", "constants, or parameters that are estimated");
+        }
         if config.real_time {
             return refuse("real-time iterations", "sqp.real_time = false and a budget");
         }

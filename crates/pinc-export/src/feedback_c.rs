@@ -162,6 +162,7 @@ pub(crate) fn feedback_core(
         high,
         gate,
         range: _,
+        parameters: _,
     } = estimation.tuning;
     let squared = |sd: &[f64]| sd.iter().map(|sd| sd * sd).collect::<Vec<_>>();
     let states = estimation.augmentation.disturbance.clone();

@@ -198,8 +198,8 @@ impl<'a> ClosedLoop<'a> {
         Self { bounds: Some(bounds), ..self }
     }
 
-    /// Gives the model the parameters of `p` step by step; the controller also knows the parameters
-    /// of the steps ahead.
+    /// Gives the model the parameters of `p` step by step, with an observer the last of them; the
+    /// controller also knows the parameters of the steps ahead.
     #[must_use]
     pub fn with_known_parameters(self, p: Timetable) -> Self {
         Self { parameters: Some(p), ..self }
@@ -216,8 +216,9 @@ impl<'a> ClosedLoop<'a> {
     /// parameters of its model.
     #[must_use]
     pub fn with_observer(self, observer: &'a mut dyn Observer) -> Self {
-        let dims = self.nmpc.model().dims();
-        Self { watch: Some(Watch::new(observer, dims.nx, dims.np)), ..self }
+        let nx = self.nmpc.model().dims().nx;
+        let watch = Watch::new(observer, nx, self.nmpc.problem().parameters.clone());
+        Self { watch: Some(watch), ..self }
     }
 
     /// Lets `plant` take the place of the plant from now on, as it is: with its parameters set.
@@ -231,14 +232,17 @@ impl<'a> ClosedLoop<'a> {
         self.plant = plant;
     }
 
-    /// Tells the controller that the parameters of its model are `p` from now on. An observer has
-    /// the last word.
+    /// Tells the controller that the parameters of its model are `p` from now on; with an observer,
+    /// which supplies the others, `p` are the last of them.
     ///
     /// # Errors
     ///
     /// As [`Nmpc::set_parameters`].
     pub fn set_model_parameters(&mut self, p: &[f64]) -> Result<(), MpcError> {
-        self.nmpc.set_parameters(p)
+        match &mut self.watch {
+            Some(watch) => watch.tell(p),
+            None => self.nmpc.set_parameters(p),
+        }
     }
 
     /// Asks the observer, if there is one.
@@ -303,10 +307,13 @@ impl<'a> ClosedLoop<'a> {
         if let Some(bounds) = &self.bounds {
             self.nmpc.set_bounds_at(bounds, self.done, self.preview);
         }
+        if let (Some(p), Some(watch)) = (&self.parameters, &mut self.watch) {
+            watch.tell(p.at(self.done))?;
+        }
+        self.observe()?;
         if let Some(p) = &self.parameters {
             self.nmpc.set_parameters_ahead(p, self.done)?;
         }
-        self.observe()?;
         let seen = self.watch.as_ref().map_or(&self.x, |watch| &watch.x);
         check_finite("x", seen, seen.len())?;
         let step = self.nmpc.step_within(seen, &self.window, expired)?;

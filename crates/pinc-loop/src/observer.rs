@@ -1,5 +1,6 @@
 //! The source of the state, for a plant that is only measured.
 
+use pinc_mpc::{MpcError, check_finite};
 use std::fmt::Debug;
 
 /// Sensors and an estimator between the plant of a [`ClosedLoop`](crate::ClosedLoop) and its
@@ -10,7 +11,8 @@ pub trait Observer: Debug {
     ///
     /// # Shapes
     ///
-    /// `x`: as the model's states; `parameters`: as its parameters.
+    /// `x`: as the model's states; `parameters`: as its parameters, with those in their places that
+    /// the controller was told ([`ClosedLoop::set_model_parameters`](crate::ClosedLoop)).
     fn observe(&mut self, plant: PlantNow<'_>, x: &mut [f64], parameters: &mut [f64]);
 
     /// The covariance of the state and parameters that were given last, `[n + np, n + np]`, where it is
@@ -52,8 +54,19 @@ pub(crate) struct Watch<'a> {
 }
 
 impl<'a> Watch<'a> {
-    pub(crate) fn new(observer: &'a mut dyn Observer, nx: usize, np: usize) -> Self {
-        Self { observer, asked: None, x: vec![0.0; nx], parameters: vec![0.0; np] }
+    pub(crate) fn new(observer: &'a mut dyn Observer, nx: usize, parameters: Vec<f64>) -> Self {
+        Self { observer, asked: None, x: vec![0.0; nx], parameters }
+    }
+
+    /// Takes `p` for the last of the parameters.
+    pub(crate) fn tell(&mut self, p: &[f64]) -> Result<(), MpcError> {
+        let Some(first) = self.parameters.len().checked_sub(p.len()) else {
+            let (expected, found) = (self.parameters.len(), p.len());
+            return Err(MpcError::Length { field: "parameters", expected, found });
+        };
+        check_finite("parameters", p, p.len())?;
+        self.parameters[first..].copy_from_slice(p);
+        Ok(())
     }
 
     /// Asks the observer, once per step.

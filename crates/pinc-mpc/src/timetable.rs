@@ -248,16 +248,17 @@ impl Nmpc {
         }
     }
 
-    /// Sets the parameters p of the model at each stage of the plan that begins at control step
-    /// `step`, from a timetable known in advance. The inputs under way, where inputs are delayed,
-    /// and the substitute of a guard have the parameters of now at all stages.
+    /// Sets the parameters p of the model, or the last of them, at each stage of the plan that begins
+    /// at control step `step`, from a timetable known in advance. The inputs under way, where inputs
+    /// are delayed, and the substitute of a guard have the parameters of now at all stages.
     ///
     /// # Errors
     ///
-    /// [`MpcError`] if rows are not as long as p.
+    /// [`MpcError`] if rows are longer than p.
     pub fn set_parameters_ahead(&mut self, p: &Timetable, step: usize) -> Result<(), MpcError> {
-        check_length("parameters", p.row(0), self.parameters.len())?;
-        self.parameters.copy_from_slice(p.at(step));
+        check_range("the parameters of the timetable", p.width, 0, self.parameters.len())?;
+        let kept = self.parameters.len() - p.width;
+        self.parameters[kept..].copy_from_slice(p.at(step));
         let times = self.horizon.times();
         let first = step + self.problem.delay;
         let of = |stage: usize| {

@@ -109,10 +109,26 @@ impl Estimator {
     }
 
     #[doc = doc!("Estimator.correct")]
-    fn correct(&self, py: Python<'_>, y: Given<'_>) -> PyResult<Correction> {
-        let measured = self.lock().measured.clone();
+    #[pyo3(signature = (y, parameters=None))]
+    fn correct(
+        &self,
+        py: Python<'_>,
+        y: Given<'_>,
+        parameters: Option<Given<'_>>,
+    ) -> PyResult<Correction> {
+        let (measured, known) = (self.measured(), self.parameters());
         let y = numbers(&y, "y", &measured)?;
-        let of = py.detach(|| self.lock().filter.correct(&y));
+        let told = parameters.map(|p| numbers(&p, "parameters", &known)).transpose()?;
+        if told.iter().flatten().any(|p| !p.is_finite()) {
+            return Err(input("parameters: expected finite numbers"));
+        }
+        let of = py.detach(|| {
+            let mut of = self.lock();
+            if let Some(p) = &told {
+                of.filter.set_parameters(p);
+            }
+            of.filter.correct(&y)
+        });
         Ok(Correction {
             status: of.status.to_string(),
             nis: of.nis,
@@ -171,6 +187,12 @@ impl Estimator {
     #[getter]
     fn measured(&self) -> Vec<String> {
         self.lock().measured.clone()
+    }
+
+    #[doc = doc!("Estimator.parameters")]
+    #[getter]
+    fn parameters(&self) -> Vec<String> {
+        self.lock().known.clone()
     }
 
     #[doc = doc!("Estimator.inputs")]

@@ -72,8 +72,8 @@ class Loop:
             **within,
         }
         self.delay: int = {**control, **changes}.get("delay_steps", 0)
-        self.has_estimator = "estimator" in control
         changed = {**shortened, **changes}
+        self.has_estimator = "estimator" in {**control, **changed}
         self.overrides = {f"control.{key}": value for key, value in changed.items()}
         kept = {key: content[key] for key in OF_LOOPS if key in content}
         kept["control"] = {"step_s": self.step_s, **control}
@@ -155,12 +155,31 @@ def test_stepped_by_hand_a_changed_controller_gives_the_inputs_of_its_loop(
     assert largest_difference(Loop(*CHANGED[what]), tmp_path) < 1e-9
 
 
-def test_measured_parameters_match_the_schedule(tmp_path: Path) -> None:
+TWO_SENSORS = {
+    "measurement": {"measured": ["h1", "h2"], "noise_sd": [0.05, 0.05]},
+    "estimator": {
+        "kind": "ekf",
+        "process_sd": [0.01] * 4,
+        "measurement_sd": [0.05, 0.05],
+        "initial_estimate": [8.0, 9.0, 2.0, 2.0],
+        "initial_sd": [0.5] * 4,
+        "disturbance": "input",
+        "disturbance_sd": [0.01, 0.01],
+        "disturbance_initial_sd": [0.1, 0.1],
+    },
+}
+
+
+@pytest.mark.parametrize("feedback", [{}, TWO_SENSORS], ids=["states", "estimator"])
+def test_measured_parameters_match_the_schedule(
+    feedback: dict[str, object], tmp_path: Path
+) -> None:
     changed = {"k1": 3.0, "k2": 2.9}
     at = 5  # the step
     loop = Loop(
         "four-tanks/family.toml",
         {
+            **feedback,
             "measured_parameters": list(PUMPS),
             "plant": {"four-tanks": {"parameters": "antonelo", "pump": list(PUMPS.values())}},
             "parameters": PUMPS,
@@ -172,6 +191,27 @@ def test_measured_parameters_match_the_schedule(tmp_path: Path) -> None:
     assert largest_difference(loop, tmp_path / "told", told) < 1e-9
     late = [told[0], *told[:-1]]
     assert largest_difference(loop, tmp_path / "late", late) > 1e-4
+    if feedback:
+        assert_estimates(loop, tmp_path / "estimates", told)
+
+
+def assert_estimates(loop: Loop, out: Path, told: list[list[float]]) -> None:
+    """An estimator stepped by hand that is told these parameters finds what the loop's found."""
+    estimator = pinc.Estimator(loop.path, only=loop.kind, overrides=loop.overrides)
+    assert estimator.parameters == list(PUMPS)
+    run = loop.run(out)
+    found, trace = run.estimates(), run.control()
+    measured = np.array([found[f"y_{name}"][:STEPS] for name in estimator.measured]).T
+    acted = np.array([trace[name][: POINTS * STEPS : POINTS] for name in estimator.inputs]).T
+    for k, (y, u) in enumerate(zip(measured, acted)):
+        estimator.correct(y, told[k])
+        expected = [found[name][k] for name in estimator.names]
+        assert np.allclose(estimator.estimate, expected, rtol=1e-9, atol=1e-9)
+        estimator.predict(u)
+    with pytest.raises(pinc.InputError, match="parameters: 1 numbers given, expected 2"):
+        estimator.correct(measured[0], [3.0])
+    with pytest.raises(pinc.InputError, match="parameters: expected finite numbers"):
+        estimator.correct(measured[0], [3.0, float("nan")])
 
 
 @pytest.mark.parametrize("name", [name for name in SHIPPED if name not in LOOPS])

@@ -29,6 +29,7 @@ mod lock;
 pub mod metric;
 mod metrics;
 mod provenance;
+mod recorded;
 mod run_dir;
 mod search;
 mod spread;
@@ -59,6 +60,7 @@ pub use metrics::{
     is_failure,
 };
 pub use provenance::{Invocation, Provenance, rfc3339};
+pub use recorded::{RecordedColumns, RecordedRow};
 pub use run_dir::RunDir;
 pub use search::{Best, Eligibility, Search};
 pub use spread::Spread;

@@ -43,6 +43,8 @@ pub(super) struct Chosen<'e> {
     pub(super) parameter_names: Vec<String>,
     /// The places of those that are estimated.
     pub(super) estimated: Vec<usize>,
+    /// The places of those that the controller is told anew.
+    known: Vec<usize>,
     /// The places of those that are measured, in the order of the config.
     pub(super) measured: Vec<usize>,
     scenarios: Option<Scenarios>,
@@ -93,7 +95,8 @@ impl<'e> Chosen<'e> {
         let proven = proof::limits(experiment, given.as_ref().map(|(_, net)| net))?;
         // In a family, a net stands for the member that the config names, unless an estimator or a
         // measurement says which one it is, or it is uncertain; an integrator gets it at each call.
-        let LoopParameters { names, mut values, estimated } = experiment.loop_parameters();
+        let LoopParameters { names, mut values, estimated, mut known } =
+            experiment.loop_parameters();
         let place = |name: &String| names.iter().position(|known| known == name);
         let measured: Vec<_> = experiment.measured_parameters().iter().filter_map(place).collect();
         // Before the first measurement the controller does not know the plant in the loop.
@@ -112,6 +115,7 @@ impl<'e> Chosen<'e> {
                 let own =
                     names.iter().zip(&values).map(|(name, value)| ((*name).to_owned(), *value));
                 told = Cow::Owned(experiment.with_parameters(&own.collect()));
+                known.clear();
                 (Some((bytes, net.member(&values))), Vec::new(), Vec::new())
             }
             given => (given, names, values),
@@ -131,6 +135,7 @@ impl<'e> Chosen<'e> {
             parameters,
             parameter_names,
             estimated,
+            known,
             measured,
             scenarios: experiment.scenarios(),
             proven,
@@ -149,11 +154,24 @@ impl<'e> Chosen<'e> {
         self.given.is_some() && self.spec.outside_domain == OutsidePolicy::Refuse
     }
 
-    /// The names of the parameters of the controller's model: with an estimator all unknowns.
+    /// The names of the parameters of the controller's model: with an estimator all unknowns, and what
+    /// is known.
     pub(super) fn names_of_parameters(&self) -> Vec<String> {
         let setup = self.setup();
         let Some((spec, of)) = setup.sections() else { return self.parameter_names.clone() };
-        spec.names(&of, &Variables::of(&*self.plant)).split_off(self.plant.states().len())
+        let names = spec.names(&of, &Variables::of(&*self.plant));
+        let unknowns = names.into_iter().skip(self.plant.states().len());
+        unknowns
+            .chain(self.known.iter().map(|&place| self.parameter_names[place].clone()))
+            .collect()
+    }
+
+    /// The places of the measured parameters among these.
+    pub(super) fn places_of_measured(&self) -> Vec<usize> {
+        let names = self.names_of_parameters();
+        let first = names.len() - self.known.len();
+        let place = |of| self.known.iter().position(|known| known == of).map(|at| first + at);
+        self.measured.iter().filter_map(place).collect()
     }
 
     /// The names of the model's parameters.
@@ -172,6 +190,7 @@ impl<'e> Chosen<'e> {
             seed: 0,
             parameters: &self.parameters,
             estimated: &self.estimated,
+            known: &self.known,
             beside: self.experiment.horizon_plants(&self.varying()),
             scenarios: self.scenarios.clone(),
             truth: &*self.truth,

@@ -50,6 +50,8 @@ pub struct LoopSetup<'a> {
     pub(crate) parameters: &'a [f64],
     /// The places of those.
     pub(crate) estimated: &'a [usize],
+    /// The places of those that the controller is told anew.
+    pub(crate) known: &'a [usize],
     /// Other forms of the plant that the models are of.
     pub(crate) beside: HorizonPlants,
     /// What the models' parameters may be.
@@ -317,6 +319,7 @@ impl<'a> LoopSetup<'a> {
             seed: 0,
             parameters: &[],
             estimated: &[],
+            known: &[],
             beside: HorizonPlants::default(),
             scenarios: None,
             truth: plant,

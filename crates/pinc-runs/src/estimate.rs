@@ -3,12 +3,11 @@
 use super::chosen::ModelFile;
 use super::control::LoopSetup;
 use super::feedback;
-use super::recorded::Columns;
 use crate::RunError;
 use pinc_config::{Experiment, LoopParameters, ModelKind, Variables};
 use pinc_estimate::{Estimator, History};
 use pinc_record::columns::{At, rows, too_few_rows};
-use pinc_record::{EstimatorMetrics, decimals, read_file, write_output};
+use pinc_record::{EstimatorMetrics, RecordedColumns, decimals, read_file, write_output};
 use std::fmt;
 use std::path::Path;
 use std::time::Instant;
@@ -48,8 +47,8 @@ impl fmt::Display for Estimated {
 /// row per row of the data, to the file `output`, if there is one. The model is `only`, or the
 /// first numerical one of the config; the net of the file `model`, if that is given.
 ///
-/// The data have the columns `t`, in steps of T, the inputs, which hold from a row to the next, and
-/// `y_<measured>`, read just before the input changes, whose cells may be empty; other columns are
+/// The data have the columns `t`, in steps of T, the inputs and the known parameters, which hold from a
+/// row to the next, and `y_<measured>`, read just before the input changes, whose cells may be empty; other columns are
 /// ignored, except the true states. Before the first row the input is `control.initial_input`, or
 /// else the row's own.
 ///
@@ -64,14 +63,14 @@ pub fn estimate(
     only: Option<ModelKind>,
 ) -> Result<Estimated, RunError> {
     let model = model.map(ModelFile::At);
-    let ConfigEstimator { mut filter, names, measured, variables, sample_time_s, initial_input } =
-        estimator(experiment, model, only)?;
+    let of = estimator(experiment, model, only)?;
+    let ConfigEstimator { mut filter, names, measured, known, variables, .. } = of;
     let text = read_file(data)?;
-    let initial_input = initial_input.as_deref();
+    let initial_input = of.initial_input.as_deref();
     let mut constants = experiment.plant.parameter_names();
-    constants.retain(|parameter| !names.contains(parameter));
-    let quantities = (&variables, &measured[..], &constants[..]);
-    let found = run((filter.as_mut(), initial_input), &text, quantities, sample_time_s);
+    constants.retain(|parameter| !names.contains(parameter) && !known.contains(parameter));
+    let quantities = (&variables, &measured[..], (&known[..], &constants[..]));
+    let found = run((filter.as_mut(), initial_input), &text, quantities, of.sample_time_s);
     let at = |(line, problem): At| RunError::Csv { path: data.to_owned(), line, problem };
     let Run { t, history, step_us } = found.map_err(at)?;
     let estimator = feedback::metrics(&history, (&variables.state_names(), &measured), step_us);
@@ -92,6 +91,8 @@ pub struct ConfigEstimator {
     pub names: Vec<String>,
     /// What is measured.
     pub measured: Vec<String>,
+    /// The parameters that are known in each step.
+    pub known: Vec<String>,
     /// The plant's variables.
     pub variables: Variables,
     /// Length T of a step in s.
@@ -123,12 +124,13 @@ pub fn estimator(
         (None, None) => numerical().unwrap_or(ModelKind::RK4),
     };
     let sample_time_s = experiment.sample_time_s().ok_or_else(|| missing("model"))?;
-    let LoopParameters { names, values, estimated } = experiment.loop_parameters();
+    let LoopParameters { names, values, estimated, known } = experiment.loop_parameters();
     let plant = experiment.plant.family(&names);
     let setup = LoopSetup {
         net: net.as_ref(),
         parameters: &values,
         estimated: &estimated,
+        known: &known,
         ..LoopSetup::numerical(spec, sample_time_s, &*plant)
     };
     let variables = Variables::of(&*plant);
@@ -140,6 +142,7 @@ pub fn estimator(
         filter,
         names: estimator.names(&measurement, &variables),
         measured: measurement.names(&variables),
+        known: known.iter().map(|&place| names[place].to_owned()).collect(),
         variables,
         sample_time_s,
         initial_input: spec.initial_input.clone(),
@@ -159,11 +162,11 @@ struct Run {
 fn run(
     (filter, initial_input): (&mut dyn Estimator, Option<&[f64]>),
     text: &[u8],
-    (variables, measured, constants): (&Variables, &[String], &[String]),
+    (variables, measured, parameters): (&Variables, &[String], (&[String], &[String])),
     sample_time_s: f64,
 ) -> Result<Run, At> {
     let (header, rows) = rows(text)?;
-    let columns = Columns::find(&header, variables, measured, constants);
+    let columns = RecordedColumns::find(&header, variables, measured, parameters);
     let columns = columns.map_err(|problem| (1, problem))?;
     let mut run = Run::default();
     let mut before: Option<(f64, Vec<f64>)> = None;
@@ -182,6 +185,7 @@ fn run(
             Some((_, u)) => run.history.predictions.push(filter.predict(u)),
             None => filter.reset_input(initial_input.unwrap_or(&row.u)),
         }
+        filter.set_parameters(&row.known);
         let correction = filter.correct(&row.y);
         run.step_us.push(1e6 * clock.elapsed().as_secs_f64());
         if let Some(truth) = &row.truth {

@@ -309,7 +309,8 @@ impl Estimating {
             true => (&[], &[]),
             false => (&chosen.parameters, &chosen.estimated),
         };
-        let augmentation = spec.augmentation(&measurement, &variables, parameters);
+        let augmentation =
+            spec.augmentation(&measurement, &variables, (parameters.0, parameters.1, &[]));
         let mut unknowns = vec![0.0; augmentation.unknowns(variables.dims())];
         let first = unknowns.len() - parameters.1.len();
         let initial = parameters.1.iter().map(|&place| parameters.0[place]);

@@ -7,7 +7,7 @@ use pinc_config::{
 };
 use pinc_estimate::{
     Augmentation, Augmented, Correction, Ekf, Estimator, EstimatorStatus, History, Mhe,
-    OutputFeedback, SteadyTarget, Ukf,
+    OutputFeedback, SteadyTarget, Tuning, Ukf,
 };
 use pinc_loop::{Observer, PlantNow};
 use pinc_ode::{DynPlant, Model};
@@ -97,7 +97,7 @@ pub(super) fn estimator(
     initial_input: Option<&[f64]>,
 ) -> Result<Box<dyn Estimator>, RunError> {
     let model = Box::new(Augmented::new(model, augmentation.clone())?);
-    let tuning = spec.tuning(control);
+    let tuning = Tuning { parameters: augmentation.known_values(), ..spec.tuning(control) };
     let mut estimator: Box<dyn Estimator> = match spec.kind {
         EstimatorKind::Ukf => Box::new(Ukf::new(model, tuning)?),
         EstimatorKind::Mhe => Box::new(Mhe::new(model, tuning, spec.window.unwrap_or(1))?),
@@ -123,8 +123,16 @@ impl LoopSetup<'_> {
         measurement: &MeasurementSpec,
         plant: &dyn DynPlant,
     ) -> Augmentation {
-        let parameters = (self.parameters, self.estimated);
+        let parameters = (self.parameters, self.estimated, self.known);
         spec.augmentation(measurement, &Variables::of(plant), parameters)
+    }
+
+    /// The parameters of a controller's model with this augmentation, before anything is measured.
+    pub(super) fn told_by(&self, spec: &EstimatorSpec, augmentation: &Augmentation) -> Vec<f64> {
+        let states = spec.process_sd.len();
+        let mut parameters = spec.tuning(self.spec).initial_estimate.split_off(states);
+        parameters.extend(augmentation.known_values());
+        parameters
     }
 
     /// Sensors and estimator for one run, if there are any.

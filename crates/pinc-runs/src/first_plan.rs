@@ -1,11 +1,10 @@
 //! The first plan of a loop, where the config gives one.
 
-use super::recorded::Columns;
 use crate::RunError;
 use pinc_config::{ControlSpec, Variables};
 use pinc_ode::PiecewiseConstant;
 use pinc_record::columns::{At, rows};
-use pinc_record::read_file;
+use pinc_record::{RecordedColumns, read_file};
 
 /// The inputs of the first plan, `[Nu, m]`, if the config gives them.
 pub(super) fn first_plan(
@@ -36,7 +35,7 @@ pub(super) fn first_plan(
 /// The times of a recording, counted from its first row, and its inputs.
 fn recorded(variables: &Variables, text: &[u8]) -> Result<(Vec<f64>, Vec<Vec<f64>>), At> {
     let (header, rows) = rows(text)?;
-    let columns = Columns::find(&header, variables, &[], &[]);
+    let columns = RecordedColumns::find(&header, variables, &[], (&[], &[]));
     let columns = columns.map_err(|problem| (1, problem))?.without_truth();
     let (mut times, mut inputs): (Vec<f64>, Vec<Vec<f64>>) = (Vec::new(), Vec::new());
     for row in rows {

@@ -36,11 +36,12 @@ impl LoopSetup<'_> {
         let uncertain: Vec<usize> = spec.places(plant.parameters()).collect();
         let (mut places, mut more) = (uncertain.clone(), Vec::new());
         if let Some(of) = augmentation {
-            // The parameters of the controller's model are disturbances and estimates.
+            // The parameters of the controller's model are disturbances, estimates, and what is known.
             places = (np..np + uncertain.len()).collect();
             more = uncertain.iter().map(|&place| of.parameters[place]).collect();
-            let estimated = [&of.estimated[..], &uncertain].concat();
-            model = Box::new(Compensated::new(model, Augmentation { estimated, ..of.clone() })?);
+            let estimated = [&of.estimated[..], &of.known, &uncertain].concat();
+            let told = Augmentation { estimated, known: Vec::new(), ..of.clone() };
+            model = Box::new(Compensated::new(model, told)?);
         }
         let net = self.net.filter(|_| kind == ModelKind::Pinc);
         let estimated = net.filter(|_| spec.net_error == NetErrorSpec::Estimated(true));
@@ -106,10 +107,9 @@ impl LoopSetup<'_> {
         }
         let (mut problem, mut augmentation) = (self.problem(), None);
         if let Some((estimator, measurement)) = self.sections() {
-            let unknown =
-                estimator.tuning(self.spec).initial_estimate.split_off(plant.states().len());
-            problem = NmpcProblem { parameters: unknown, ..problem };
-            augmentation = Some(self.augmentation(estimator, &measurement, plant));
+            let of = self.augmentation(estimator, &measurement, plant);
+            problem = NmpcProblem { parameters: self.told_by(estimator, &of), ..problem };
+            augmentation = Some(of);
         }
         let augmentation = augmentation.as_ref();
         let mut own = self.builder(kind, plant, problem.clone(), augmentation, None)?;
@@ -146,14 +146,14 @@ impl LoopSetup<'_> {
         let Some((estimator, measurement)) = self.sections().filter(|_| self.spec.target) else {
             return Ok(None);
         };
-        let mut x = estimator.tuning(self.spec).initial_estimate;
-        let unknown = x.split_off(plant.states().len());
-        let problem = NmpcProblem { parameters: unknown, ..self.problem() };
         let augmentation = self.augmentation(estimator, &measurement, plant);
+        let parameters = self.told_by(estimator, &augmentation);
+        let problem = NmpcProblem { parameters, ..self.problem() };
+        let x = &estimator.initial_estimate;
         let model = Compensated::new(self.model(kind, plant)?, augmentation)?;
         let rest = vec![0.0; plant.inputs().len()];
         let u = self.spec.initial_input.as_deref().unwrap_or(&rest);
-        Ok(Some(SteadyTarget::new(&problem, Box::new(model), &x, u)?))
+        Ok(Some(SteadyTarget::new(&problem, Box::new(model), x, u)?))
     }
 
     /// A controller with a model for each length of stage, compensated as the augmentations say, the

@@ -44,7 +44,6 @@ mod policy;
 mod predict;
 pub mod progress;
 mod proof;
-mod recorded;
 mod recording;
 mod shared_library;
 mod single_step;
@@ -415,7 +414,7 @@ impl Stages<'_> {
                 preview: spec.parameter_preview,
                 plants: later.collect(),
             };
-            let LoopParameters { names, values, estimated } = experiment.loop_parameters();
+            let LoopParameters { names, values, estimated, known } = experiment.loop_parameters();
             let modelled = &*experiment.plant.family(&names);
             let setup = LoopSetup {
                 spec,
@@ -426,6 +425,7 @@ impl Stages<'_> {
                 seed: experiment.noise_seed(),
                 parameters: &values,
                 estimated: &estimated,
+                known: &known,
                 beside: experiment.horizon_plants(&names),
                 scenarios: experiment.scenarios(),
                 truth: &*first.plant,

@@ -30,9 +30,13 @@ pub struct LiveController {
     /// The estimated errors of the net, where they are asked for.
     error_log: Option<SharedLog>,
     error: Vec<f64>,
-    /// The p of the model with their names, and the places in it of those that are measured.
+    /// The p of the controller's model, with an estimator its unknowns before those that are known,
+    /// and the names.
     parameters: Vec<f64>,
     parameter_names: Vec<String>,
+    /// How many are unknown.
+    unknowns: usize,
+    /// The places of those that are measured.
     measured_parameters: Vec<usize>,
     kind: ModelKind,
     /// The digest of the net's model file.
@@ -60,8 +64,6 @@ struct LiveEstimator {
     target: Option<SteadyTarget>,
     augmentation: Augmentation,
     measured: Vec<String>,
-    /// The disturbances and parameters.
-    unknowns: Vec<f64>,
     /// The covariance of the state and of these.
     covariance: Vec<f64>,
     status: EstimatorStatus,
@@ -136,14 +138,16 @@ impl LiveController {
         let unknowns = setup.unknowns(&*chosen.plant);
         let guard = net.map(|net| Guard::new(net, spec.outside_domain, unknowns));
         let dims = nmpc.model().dims();
+        let observer = LiveEstimator::of(&setup, chosen.kind, &*chosen.plant)?;
         let mut live = Self {
-            observer: LiveEstimator::of(&setup, chosen.kind, &*chosen.plant)?,
+            unknowns: observer.as_ref().map_or(0, |observer| dims.np - observer.known()),
+            observer,
             guard,
             error: vec![0.0; error_log.as_ref().map_or(0, |_| dims.nx)],
             error_log,
-            parameters: chosen.parameters.clone(),
+            parameters: nmpc.parameters().to_vec(),
+            measured_parameters: chosen.places_of_measured(),
             parameter_names: chosen.names_of_parameters(),
-            measured_parameters: chosen.measured.clone(),
             kind: chosen.kind,
             model_sha256: chosen.given.as_ref().map(|(bytes, _)| sha256(bytes)),
             reference: setup.reference()?,
@@ -175,9 +179,9 @@ impl LiveController {
         if let Some(observer) = &mut self.observer {
             observer.estimator.reset();
         }
-        // The measured parameters are forgotten; with an estimator no parameter is measured.
+        // The measured parameters are forgotten.
+        self.parameters.copy_from_slice(&self.nmpc.problem().parameters);
         if !self.measured_parameters.is_empty() {
-            self.parameters.copy_from_slice(&self.nmpc.problem().parameters);
             self.nmpc.set_parameters(&self.parameters)?;
         }
         self.inputs.fill(0.0);
@@ -200,9 +204,7 @@ impl LiveController {
     /// Saves what the next step starts from, or restores it.
     pub(super) fn remember(&mut self, memory: &mut Memory<'_>) {
         self.nmpc.remember(memory);
-        if !self.measured_parameters.is_empty() {
-            self.parameters.copy_from_slice(self.nmpc.parameters());
-        }
+        self.parameters.copy_from_slice(self.nmpc.parameters());
         memory.numbers(&mut self.inputs);
         memory.count(&mut self.done, usize::MAX);
         if let Some(observer) = &mut self.observer {
@@ -271,10 +273,11 @@ impl LiveController {
     /// The names of the disturbances and parameters that are estimated.
     #[must_use]
     pub fn unknowns(&self) -> &[String] {
-        self.observer.as_ref().map_or(&[], |_| &self.parameter_names)
+        &self.parameter_names[..self.unknowns]
     }
 
-    /// The names of the model's parameters p; with an estimator those of its unknowns.
+    /// The names of the model's parameters p; with an estimator those of its unknowns, then those that
+    /// it is told.
     #[must_use]
     pub fn parameter_names(&self) -> &[String] {
         &self.parameter_names
@@ -361,14 +364,14 @@ impl LiveController {
         let deadline = budget_us.map(|us| Deadline::in_seconds(1e-6 * us));
         self.observe(y, u_applied);
         if let Some(observer) = &mut self.observer {
-            self.nmpc.set_parameters(&observer.unknowns)?;
+            self.nmpc.set_parameters(&self.parameters)?;
             if self.nmpc.has_tube() {
                 let LiveEstimator { estimator, augmentation, covariance, .. } = &mut *observer;
                 augmentation.read_covariance(estimator.covariance(), self.x.len(), covariance);
                 self.nmpc.set_covariance(covariance);
             }
             if let Some(target) = &mut observer.target {
-                target.aim(&observer.unknowns, &mut self.window);
+                target.aim(&self.parameters, &mut self.window);
             }
         }
         self.before.copy_from_slice(u_applied.unwrap_or(&self.u));
@@ -401,7 +404,7 @@ impl LiveController {
             u: &self.u,
             status,
             x: &self.x,
-            unknowns: observer.map_or(&[], |observer| &observer.unknowns),
+            unknowns: &self.parameters[..self.unknowns],
             estimator: observer.map(|observer| observer.status),
             sqp_iterations,
             kkt,
@@ -438,9 +441,10 @@ impl LiveController {
             observer.estimator.predict(&self.inputs[..m]);
             self.inputs.copy_within(m.., 0);
         }
+        observer.estimator.set_parameters(&self.parameters[self.unknowns..]);
         observer.status = observer.estimator.correct(y).status;
         let z = observer.estimator.estimate();
-        observer.augmentation.read(z, &mut self.x, &mut observer.unknowns);
+        observer.augmentation.read(z, &mut self.x, &mut self.parameters);
     }
 
     /// Checks the arguments, so that a step that is refused has changed nothing.
@@ -511,7 +515,6 @@ impl LiveEstimator {
         let Some((spec, measurement)) = setup.sections() else { return Ok(None) };
         let augmentation = setup.augmentation(spec, &measurement, plant);
         let model = setup.model(kind, plant)?;
-        let (variables, unknowns) = (Variables::of(plant), augmentation.unknowns(model.dims()));
         Ok(Some(Self {
             estimator: feedback::estimator(
                 (setup.spec, spec),
@@ -521,11 +524,15 @@ impl LiveEstimator {
             )?,
             target: setup.target(kind, plant)?,
             augmentation,
-            measured: measurement.names(&variables),
-            unknowns: vec![0.0; unknowns],
+            measured: measurement.names(&Variables::of(plant)),
             covariance: Vec::new(),
             status: EstimatorStatus::NothingMeasured,
         }))
+    }
+
+    /// How many parameters it is told.
+    fn known(&self) -> usize {
+        self.augmentation.known.len()
     }
 }
 

@@ -47,7 +47,7 @@ pub(crate) fn write(
             continue;
         }
         if let Some(p) = setup.schedules.model.beginning(step) {
-            judge.parameters = p.to_vec();
+            setup.known.iter().zip(p).for_each(|(&place, p)| judge.parameters[place] = *p);
         }
         rows.push(judge.look(&row, setup.sample_time_s));
         step += 1;

@@ -43,8 +43,8 @@ pub(super) fn output_feedback(
         (Some(estimator), _) => {
             tuned(estimator, variables, measured.len())?;
             unknown_parameters(estimator, spec, experiment)?;
-            let LoopParameters { values, estimated, .. } = experiment.loop_parameters();
-            let parameters = (&values[..], &estimated[..]);
+            let LoopParameters { values, estimated, known, .. } = experiment.loop_parameters();
+            let parameters = (&values[..], &estimated[..], &known[..]);
             let augmentation = estimator.augmentation(&measurement, variables, parameters);
             let dims = variables.dims().with_parameters(values.len());
             augmentation.validate(dims).map_err(|error| finding(&error))
@@ -130,6 +130,10 @@ fn unknown_parameters(
             return value(&format!("control.parameters.{}", parameter.name), fixed, &expected);
         }
         let name = &parameter.name;
+        if control.tells(name) {
+            let expected = "a parameter that is neither measured nor in control.parameter_schedule";
+            return value(&key(i, "name"), name, expected);
+        }
         known_to_net(&key(i, "name"), format!("{name:?}"), name, (experiment, control))?;
     }
     Ok(())

@@ -15,7 +15,7 @@ pub(super) fn scenarios(experiment: &Experiment, control: &ControlSpec) -> Check
     values(experiment, control, spec)?;
     tree(control, spec)?;
     let told = |name: &String| spec.values.contains_key(name);
-    let scheduled = control.parameter_schedule.iter().any(|of| of.values.keys().any(told));
+    let scheduled = spec.values.keys().any(|name| control.schedules(name));
     let others = [
         ("control.stages_s", control.stages_s.is_some()),
         ("control.input_differences", !control.input_differences.is_empty()),

@@ -18,16 +18,9 @@ const PLANT: &str = "control.plant_schedule";
 /// Key of the loads.
 const LOADS: &str = "control.loads";
 
-/// What has no parameters that change.
-const OF_ESTIMATORS: &str = "[control.estimator], whose parameters are constant or estimated";
-
 pub(super) fn schedules(experiment: &Experiment, spec: &ControlSpec) -> Checked {
     let varying: Vec<String> = experiment.varying().into_iter().map(str::to_owned).collect();
     let own = experiment.plant_in_the_loop().parameter_names();
-    if !spec.parameter_schedule.is_empty() {
-        let others = [(OF_ESTIMATORS, spec.estimator.is_some())];
-        alone(PARAMETERS, "values", "key", &others)?;
-    }
     measured(spec, &varying)?;
     schedule(PARAMETERS, &spec.parameter_schedule, &varying, spec.duration_s)?;
     schedule(PLANT, &spec.plant_schedule, &own, spec.duration_s)?;
@@ -165,11 +158,9 @@ fn measured(spec: &ControlSpec, varying: &[String]) -> Checked {
     let key = "control.measured_parameters";
     let none = "no such key: the models' parameters that vary are in [domain.parameters]";
     distinct(|i| format!("{key}[{i}]"), measured, varying, [none, "each parameter once"])?;
-    let others = [
-        (OF_ESTIMATORS, spec.estimator.is_some()),
-        ("control.parameter_schedule, which gives them", !spec.parameter_schedule.is_empty()),
-    ];
-    if measured.is_empty() { Ok(()) } else { alone(key, format!("{measured:?}"), "key", &others) }
+    let both = !measured.is_empty() && !spec.parameter_schedule.is_empty();
+    let others = [("control.parameter_schedule, which gives them", both)];
+    alone(key, format!("{measured:?}"), "key", &others)
 }
 
 fn schedule(key: &str, changes: &[ParameterStep], known: &[String], duration_s: f64) -> Checked {

@@ -87,9 +87,6 @@ fn intervals(experiment: &Experiment, control: &ControlSpec, spec: &UncertaintyS
     let known = experiment.plant.parameter_names();
     let estimated = control.estimator.iter().flat_map(|estimator| &estimator.parameters);
     let estimated: Vec<&String> = estimated.map(|parameter| &parameter.name).collect();
-    let scheduled = |name: &String| {
-        control.parameter_schedule.iter().any(|step| step.values.contains_key(name))
-    };
     for (name, &[low, high]) in &spec.parameters {
         let key = format!("{SECTION}.parameters.{name}");
         let found = || format!("[{low}, {high}]");
@@ -104,7 +101,7 @@ fn intervals(experiment: &Experiment, control: &ControlSpec, spec: &UncertaintyS
         let others = [
             ("measured", control.measured_parameters.contains(name)),
             ("estimated", estimated.contains(&name)),
-            ("in control.parameter_schedule", scheduled(name)),
+            ("in control.parameter_schedule", control.schedules(name)),
         ];
         if let Some((other, _)) = others.iter().find(|(_, is_there)| *is_there) {
             return value(&key, found(), &format!("a parameter that is not {other}"));

@@ -261,8 +261,8 @@ impl Mhe {
     /// Fills the window with the model's states without noise, from the initial estimate with
     /// `offset` added to state `i` on.
     fn roll_out(&mut self, i: usize, offset: f64) {
-        let Dims { nx: n, nu, .. } = self.dims();
-        let Window { x, v, u, steps, .. } = &mut self.window;
+        let Dims { nx: n, nu, np, .. } = self.dims();
+        let Window { x, v, u, p, steps, .. } = &mut self.window;
         v.fill(0.0);
         x[..n].copy_from_slice(&self.tuning.initial_estimate);
         x[i] += offset;
@@ -270,7 +270,8 @@ impl Mhe {
             let (before, after) = x.split_at_mut((j + 1) * n);
             let before = &mut before[j * n..];
             self.tuning.clip(before);
-            self.filter.model.step(before, &u[j * nu..(j + 1) * nu], &[], &mut after[..n]);
+            let (u, p) = (&u[j * nu..(j + 1) * nu], &p[j * np..(j + 1) * np]);
+            self.filter.model.step(before, u, p, &mut after[..n]);
         }
         self.tuning.clip(&mut x[*steps * n..(*steps + 1) * n]);
         self.programs[*steps].multipliers.clear();
@@ -351,7 +352,8 @@ impl Estimator for Mhe {
 
     fn reset(&mut self) {
         self.filter.reset(&self.tuning);
-        self.window.reset(&self.tuning.initial_estimate, self.filter.kalman.covariance());
+        let Tuning { initial_estimate, parameters, .. } = &self.tuning;
+        self.window.reset(initial_estimate, self.filter.kalman.covariance(), parameters);
         self.programs.iter_mut().for_each(|program| program.multipliers.clear());
         self.moved_on = false;
     }
@@ -359,6 +361,11 @@ impl Estimator for Mhe {
     fn reset_input(&mut self, u: &[f64]) {
         self.reset();
         self.filter.u.copy_from_slice(u);
+    }
+
+    fn set_parameters(&mut self, p: &[f64]) {
+        self.filter.p.copy_from_slice(p);
+        self.window.know(p);
     }
 
     fn correct_within(&mut self, y: &[f64], expired: &mut dyn FnMut() -> bool) -> Correction {
@@ -414,6 +421,7 @@ impl Estimator for Mhe {
         self.filter.kalman.remember(memory);
         self.window.remember(memory);
         memory.numbers(&mut self.filter.u);
+        memory.numbers(&mut self.filter.p);
         memory.flag(&mut self.moved_on);
         let multipliers = &mut self.programs[self.window.steps].multipliers;
         multipliers.parts_mut().into_iter().for_each(|part| memory.numbers(part));

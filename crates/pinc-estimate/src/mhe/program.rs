@@ -72,6 +72,8 @@ impl Program {
         constants: &Constants,
     ) -> Result<Self, EstimateError> {
         let (n, stages) = (dims.nx, steps + 1);
+        // Nobody asks for Jacobians by what is known.
+        let fixed = dims.with_parameters(0);
         let ocp = OcpDims::new(n, n, stages);
         let none = vec![0.0; stages * n * n];
         let mut qp = Qp::new(ocp, none.clone(), none).with_stage_cost();
@@ -93,8 +95,8 @@ impl Program {
             step: QpStep::new(ocp),
             multipliers: Multipliers::new(ocp),
             cost: 0.0,
-            model: LinearizationBuffer::new(dims, steps),
-            outputs: OutputLinearizationBuffer::new(dims, stages),
+            model: LinearizationBuffer::new(fixed, steps),
+            outputs: OutputLinearizationBuffer::new(fixed, stages),
             errors: vec![0.0; stages * dims.ny],
             defects: vec![0.0; stages * n],
             root: vec![0.0; n * n],
@@ -131,9 +133,13 @@ impl Program {
         last_u: &[f64],
         constants: &Constants,
     ) -> Point {
-        let Dims { nx: n, nu, .. } = self.dims;
+        let Dims { nx: n, nu, np, .. } = self.dims;
         let steps = self.qp.dims.horizon - 1;
-        let at = Stages { x: &window.x[..steps * n], u: &window.u[..steps * nu], p: &[] };
+        let at = Stages {
+            x: &window.x[..steps * n],
+            u: &window.u[..steps * nu],
+            p: &window.p[..steps * np],
+        };
         model.linearize(at, self.model.as_mut());
         for j in 0..=steps {
             // Measured before the input changes: with the one that led there.
@@ -142,7 +148,8 @@ impl Program {
                 0 => &window.before[..],
                 j => &window.u[(j - 1) * nu..j * nu],
             };
-            let at = Stages { x: &window.x[j * n..(j + 1) * n], u, p: &[] };
+            let p = &window.p[j * np..(j + 1) * np];
+            let at = Stages { x: &window.x[j * n..(j + 1) * n], u, p };
             model.linearize_output(at, self.outputs.as_mut().point(j, self.dims));
         }
         self.write_dynamics(window, constants);

@@ -20,6 +20,8 @@ pub(crate) struct Window {
     pub(crate) u: Vec<f64>,
     /// The input that led to the first state, `m`, once there is a step.
     pub(crate) before: Vec<f64>,
+    /// The known parameters from each state on, `[N + 1, np]`.
+    pub(crate) p: Vec<f64>,
     /// `[N + 1, ny]`, NaN where nothing was measured.
     pub(crate) y: Vec<f64>,
     /// The states expected, `[N + 1, n]`, and their covariances, `[N + 1, n, n]`.
@@ -38,22 +40,31 @@ impl Window {
             v: points(dims.nx),
             u: points(dims.nu),
             before: vec![0.0; dims.nu],
+            p: points(dims.np),
             y: points(dims.ny),
             prior: points(dims.nx),
             prior_covariance: points(dims.nx * dims.nx),
         }
     }
 
-    /// Begins anew with a state that is expected to be `x`, with covariance `p`.
-    pub(crate) fn reset(&mut self, x: &[f64], p: &[f64]) {
+    /// Begins anew with a state that is expected to be `x`, with covariance `covariance`, and the
+    /// known parameters `p`.
+    pub(crate) fn reset(&mut self, x: &[f64], covariance: &[f64], p: &[f64]) {
         self.steps = 0;
-        self.begin_last(x, p);
+        self.begin_last(x, covariance);
+        self.know(p);
+    }
+
+    /// Takes `p` for the known parameters from the last state on.
+    pub(crate) fn know(&mut self, p: &[f64]) {
+        let np = self.dims.np;
+        self.p[self.steps * np..(self.steps + 1) * np].copy_from_slice(p);
     }
 
     /// Adds a step under the input `u` that leads to a state that is expected to be `x`, with
     /// covariance `p`. Returns whether the window was shifted, without its oldest state.
     pub(crate) fn push(&mut self, u: &[f64], x: &[f64], p: &[f64]) -> bool {
-        let Dims { nx, nu, ny, .. } = self.dims;
+        let Dims { nx, nu, np, ny, .. } = self.dims;
         self.u[self.steps * nu..(self.steps + 1) * nu].copy_from_slice(u);
         let moves = self.steps == self.most;
         if moves {
@@ -61,11 +72,13 @@ impl Window {
             self.x.copy_within(nx.., 0);
             self.v.copy_within(nx.., 0);
             self.u.copy_within(nu.., 0);
+            self.p.copy_within(np.., 0);
             self.y.copy_within(ny.., 0);
             self.prior.copy_within(nx.., 0);
             self.prior_covariance.copy_within(nx * nx.., 0);
         } else {
             self.steps += 1;
+            self.p.copy_within((self.steps - 1) * np..self.steps * np, self.steps * np);
         }
         self.begin_last(x, p);
         moves
@@ -84,10 +97,9 @@ impl Window {
     /// Saves or restores it.
     pub(crate) fn remember(&mut self, memory: &mut Memory<'_>) {
         memory.count(&mut self.steps, self.most);
-        let parts =
-            [&mut self.x, &mut self.v, &mut self.u, &mut self.before, &mut self.y, &mut self.prior];
+        let Self { x, v, u, before, p, y, prior, prior_covariance, .. } = self;
+        let parts = [x, v, u, before, p, y, prior, prior_covariance];
         parts.into_iter().for_each(|part| memory.numbers(part));
-        memory.numbers(&mut self.prior_covariance);
     }
 
     /// The last state, which is the current one.
@@ -119,8 +131,9 @@ impl Window {
     /// Drops all but the last state and what is measured there, and takes `p` for the covariance of
     /// what was expected of it.
     pub(crate) fn restart(&mut self, p: &[f64]) {
-        let Dims { nx, ny, .. } = self.dims;
+        let Dims { nx, np, ny, .. } = self.dims;
         let last = self.steps;
+        self.p.copy_within(last * np..(last + 1) * np, 0);
         self.x.copy_within(last * nx..(last + 1) * nx, 0);
         self.y.copy_within(last * ny..(last + 1) * ny, 0);
         self.prior.copy_within(last * nx..(last + 1) * nx, 0);

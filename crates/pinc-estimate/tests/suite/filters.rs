@@ -2,6 +2,7 @@
 
 use crate::support::{oscillator, tanks};
 use pinc_estimate::{Ekf, Estimator, EstimatorStatus, Mhe, Tuning, Ukf};
+use pinc_mpc::Memory;
 use pinc_ode::{Dims, Linearization, Model, OutputLinearization, Stages};
 use proptest::prelude::*;
 
@@ -43,6 +44,51 @@ impl Model for Linear {
         self.output(at.x, at.u, &[], out.y);
         out.c.copy_from_slice(self.c.as_flattened());
         out.d.copy_from_slice(&self.d);
+    }
+}
+
+/// The same with a known parameter, x+ = A x + B u + e p, y = C x + D u + f p.
+#[derive(Clone, Debug)]
+struct Told {
+    linear: Linear,
+    e: [f64; 2],
+    f: [f64; 2],
+}
+
+impl Told {
+    fn add(gain: [f64; 2], p: &[f64], to: &mut [f64]) {
+        to.iter_mut().zip(gain).for_each(|(to, gain)| *to += gain * p[0]);
+    }
+}
+
+impl Model for Told {
+    fn dims(&self) -> Dims {
+        Dims::new(2, 1).with_parameters(1)
+    }
+    fn sample_time_s(&self) -> f64 {
+        1.0
+    }
+    fn step(&mut self, x: &[f64], u: &[f64], p: &[f64], next: &mut [f64]) {
+        self.linear.step(x, u, p, next);
+        Self::add(self.e, p, next);
+    }
+    fn linearize(&mut self, at: Stages<'_>, mut out: Linearization<'_>) {
+        assert!(out.e.is_empty(), "nobody needs the derivatives by what is known");
+        for k in 0..at.count(self.dims()) {
+            let (point, out) = (at.point(k, self.dims()), out.point(k, self.dims()));
+            self.step(point.x, point.u, point.p, out.next);
+            out.a.copy_from_slice(self.linear.a.as_flattened());
+            out.b.copy_from_slice(&self.linear.b);
+        }
+    }
+    fn output(&mut self, x: &[f64], u: &[f64], p: &[f64], y: &mut [f64]) {
+        self.linear.output(x, u, p, y);
+        Self::add(self.f, p, y);
+    }
+    fn linearize_output(&mut self, at: Stages<'_>, out: OutputLinearization<'_>) {
+        self.output(at.x, at.u, at.p, out.y);
+        out.c.copy_from_slice(self.linear.c.as_flattened());
+        out.d.copy_from_slice(&self.linear.d);
     }
 }
 
@@ -142,6 +188,63 @@ proptest! {
                 filter.predict(&[*u]);
             }
             prop_assert!((sum - nis).abs() < 10.0 * tolerance * (1.0 + nis), "{sum} {nis}");
+        }
+    }
+
+    /// What a known parameter does to states and readings is known, too: the estimate is that of the
+    /// textbook's filter from the readings without it, plus what it does to the state.
+    #[test]
+    fn what_a_known_parameter_does_is_known(
+        linear in linear(),
+        gains in prop::array::uniform4(-2.0..2.0_f64),
+        told in prop::collection::vec(
+            ((prop::array::uniform2(-3.0..3.0_f64), -1.0..1.0_f64), -5.0..5.0_f64),
+            1..30,
+        ),
+        restored_at in 0_usize..30,
+    ) {
+        let [e, f] = [[gains[0], gains[1]], [gains[2], gains[3]]];
+        let mut model = Told { linear: linear.clone(), e, f };
+        let (mut x, mut moved, mut readings) = ([0.0; 2], Vec::new(), Vec::new());
+        for ((without, _), p) in &told {
+            let mut by_p = [0.0; 2];
+            model.output(&x, &[0.0], &[*p], &mut by_p);
+            readings.push([without[0] + by_p[0], without[1] + by_p[1]]);
+            moved.push(x);
+            let mut next = [0.0; 2];
+            model.step(&x, &[0.0], &[*p], &mut next);
+            x = next;
+        }
+        let without: Vec<_> = told.iter().map(|(without, _)| *without).collect();
+        let (expected, _) = textbook(&linear, &tuning(), &without);
+        let tuning = Tuning { parameters: vec![0.0], ..tuning() };
+        let filters = || -> [(Box<dyn Estimator>, f64); 3] {
+            let boxed = || Box::new(model.clone());
+            [
+                (Box::new(Ekf::new(boxed(), tuning.clone()).unwrap()), 1e-10),
+                (Box::new(Ukf::new(boxed(), tuning.clone()).unwrap()), 1e-5),
+                (Box::new(Mhe::new(boxed(), tuning.clone(), 4).unwrap()), 1e-6),
+            ]
+        };
+        for ((mut filter, tolerance), (mut other, _)) in filters().into_iter().zip(filters()) {
+            for (k, ((_, u), p)) in told.iter().enumerate() {
+                if k == restored_at {
+                    let mut numbers = Vec::new();
+                    filter.remember(&mut Memory::save(&mut numbers));
+                    let mut memory = Memory::restore(&numbers);
+                    other.remember(&mut memory);
+                    prop_assert!(memory.is_complete());
+                    std::mem::swap(&mut filter, &mut other);
+                }
+                filter.set_parameters(&[*p]);
+                prop_assert_eq!(filter.correct(&readings[k]).status, EstimatorStatus::Updated);
+                for ((z, expected), moved) in filter.estimate().iter().zip(expected[k]).zip(moved[k]) {
+                    let expected = expected + moved;
+                    let size = 1.0 + expected.abs() + moved.abs();
+                    prop_assert!((z - expected).abs() < tolerance * size, "{z} {expected}");
+                }
+                filter.predict(&[*u]);
+            }
         }
     }
 

@@ -57,13 +57,17 @@ fn augmentations() -> Vec<Augmentation> {
         Disturbance::States(vec![1]),
         Disturbance::States(vec![1, 0]),
     ];
-    let with = |disturbance| Augmentation {
-        measured: vec![Measured::Output(1), Measured::State(0)],
-        disturbance,
-        parameters: vec![0.25, 1.5],
-        estimated: vec![1],
+    let with = |disturbance| {
+        let of = Augmentation {
+            measured: vec![Measured::Output(1), Measured::State(0)],
+            disturbance,
+            parameters: vec![0.25, 1.5],
+            estimated: vec![1],
+            known: Vec::new(),
+        };
+        [of.clone(), Augmentation { known: vec![0], ..of }]
     };
-    kinds.into_iter().map(with).collect()
+    kinds.into_iter().flat_map(with).collect()
 }
 
 proptest! {
@@ -79,21 +83,23 @@ proptest! {
             let mut augmented = Augmented::new(spring(), augmentation.clone()).unwrap();
             let mut compensated = Compensated::new(spring(), augmentation.clone()).unwrap();
             let (nz, np) = (augmented.dims().nx, compensated.dims().np);
-            prop_assert_eq!(np, augmentation.unknowns(spring().dims()));
+            let (unknowns, known) = (augmentation.unknowns(spring().dims()), augmented.dims().np);
+            prop_assert_eq!(np, unknowns + known);
             let mut z = state.to_vec();
-            z.extend(&unknown[..np - 1]);
+            z.extend(&unknown[..unknowns - 1]);
             z.push(1.5 + unknown[2]);
-            let (mut x, mut w) = ([0.0; 2], vec![0.0; np]);
+            let p = vec![0.25 + unknown[0]; known];
+            let (mut x, mut w) = ([0.0; 2], [&vec![0.0; unknowns][..], &p].concat());
             augmentation.read(&z, &mut x, &mut w);
             let (mut next, mut y, mut all) = (vec![0.0; nz], [0.0; 2], [0.0; 2]);
-            augmented.output(&z, &[u], &[], &mut y);
+            augmented.output(&z, &[u], &p, &mut y);
             compensated.output(&x, &[u], &w, &mut all);
             prop_assert!((y[0] - all[1]).abs() < 1e-12);
             prop_assert!((y[1] - x[0]).abs() < 1e-12);
-            augmented.step(&z, &[u], &[], &mut next);
+            augmented.step(&z, &[u], &p, &mut next);
             let mut ahead = [0.0; 2];
             compensated.step(&x, &[u], &w, &mut ahead);
-            let (mut expected, mut same) = ([0.0; 2], vec![0.0; np]);
+            let (mut expected, mut same) = ([0.0; 2], w.clone());
             augmentation.read(&next, &mut expected, &mut same);
             prop_assert_eq!(&same, &w);
             for (found, expected) in ahead.iter().zip(expected) {
@@ -150,13 +156,14 @@ fn assert_derivatives(model: &mut dyn Model, at: &[f64]) {
 #[test]
 fn derivatives_match_the_values() {
     for augmentation in augmentations() {
-        let (x, u, w) = ([0.7, -0.4], [0.3], [0.21, -0.13]);
+        let (x, u, w, p) = ([0.7, -0.4], [0.3], [0.21, -0.13], [0.6]);
+        let p = &p[..augmentation.known.len()];
         let mut compensated = Compensated::new(spring(), augmentation.clone()).unwrap();
-        let np = compensated.dims().np;
-        let w = [&w[..np - 1], &[1.4]].concat();
-        assert_derivatives(&mut compensated, &[&x[..], &u, &w].concat());
+        let unknowns = augmentation.unknowns(spring().dims());
+        let w = [&w[..unknowns - 1], &[1.4]].concat();
+        assert_derivatives(&mut compensated, &[&x[..], &u, &w, p].concat());
         let mut augmented = Augmented::new(spring(), augmentation).unwrap();
-        assert_derivatives(&mut augmented, &[&x[..], &w, &u].concat());
+        assert_derivatives(&mut augmented, &[&x[..], &w, &u, p].concat());
     }
 }
 
@@ -166,20 +173,23 @@ fn derivatives_match_the_values() {
 fn points_are_linearized_each_by_itself() {
     for augmentation in augmentations() {
         let mut compensated = Compensated::new(spring(), augmentation.clone()).unwrap();
-        let np = compensated.dims().np;
+        let (np, known) = (compensated.dims().np, augmentation.known.len());
+        let unknowns = np - known;
         let x = [0.7, -0.4, -1.1, 0.2, 0.3, 0.9];
         let u = [0.3, -0.6, 0.1];
         let w: Vec<f64> = [[0.21, -0.13], [-0.4, 0.35], [0.05, 0.5]]
             .iter()
             .zip([1.4, 0.6, 2.3])
             .fold(Vec::new(), |all, (disturbances, stiffness)| {
-                [&all, &disturbances[..np - 1], &[stiffness]].concat()
+                let damping = vec![0.3 * stiffness; known];
+                [&all, &disturbances[..unknowns - 1], &[stiffness], &damping].concat()
             });
         assert_each_point(&mut compensated, Stages { x: &x, u: &u, p: &w });
         let z: Vec<f64> =
-            x.chunks(2).zip(w.chunks(np)).flat_map(|(x, w)| [x, w].concat()).collect();
+            x.chunks(2).zip(w.chunks(np)).flat_map(|(x, w)| [x, &w[..unknowns]].concat()).collect();
+        let p: Vec<f64> = w.chunks(np).flat_map(|w| w[unknowns..].to_vec()).collect();
         let mut augmented = Augmented::new(spring(), augmentation).unwrap();
-        assert_each_point(&mut augmented, Stages { x: &z, u: &u, p: &[] });
+        assert_each_point(&mut augmented, Stages { x: &z, u: &u, p: &p });
     }
 }
 
@@ -261,7 +271,11 @@ fn what_does_not_fit_is_refused() {
     let tuning = Tuning { measurement_sd: vec![0.1; 2], ..right };
     let tuning = Tuning { initial_estimate: vec![0.0; 2], ..tuning };
     let error = Ekf::new(spring(), tuning).unwrap_err();
-    assert_eq!(error, EstimateError::FreeParameters { count: 2 });
+    let length = ArgumentError::Length { field: "parameters", expected: 2, found: 0 };
+    assert_eq!(error, length.into());
+    let both = Augmentation { known: vec![0, 1], ..augmentations()[0].clone() };
+    let error = Augmented::new(spring(), both).unwrap_err();
+    assert_eq!(error, EstimateError::KnownAndEstimated { index: 1 });
     assert_eq!(spring().dims(), Dims::new(2, 1).with_parameters(2).with_outputs(2));
 }
 
@@ -282,10 +296,11 @@ fn a_compensated_model_gives_a_problem_that_fits_it() {
     };
     let expected = first_input(plain, spring());
     for augmentation in augmentations() {
-        let model = Compensated::new(spring(), augmentation).unwrap();
+        let model = Compensated::new(spring(), augmentation.clone()).unwrap();
         let problem = model.problem(4, weights());
-        let (w, disturbances) = (&problem.parameters, model.dims().np - 1);
-        assert_eq!(*w, [vec![0.0; disturbances], vec![1.5]].concat());
+        let disturbances = augmentation.unknowns(spring().dims()) - 1;
+        let known = vec![0.25; augmentation.known.len()];
+        assert_eq!(problem.parameters, [vec![0.0; disturbances], vec![1.5], known].concat());
         let found = first_input(problem, Box::new(model));
         assert!((found - expected).abs() < 1e-9, "{found} {expected}");
     }
@@ -310,9 +325,14 @@ fn the_covariance_of_what_a_controller_sees_follows_from_the_estimates() {
         let of_estimate: Vec<f64> = (0..nz * nz).map(|at| p(at / nz, at % nz)).collect();
         let mut found = Vec::new();
         augmentation.read_covariance(&of_estimate, 2, &mut found);
-        assert_eq!(found.len(), nz * nz);
+        let width = nz + augmentation.known.len();
+        assert_eq!(found.len(), width * width);
         for (at, found) in found.into_iter().enumerate() {
-            let (row, column) = (at / nz, at % nz);
+            let (row, column) = (at / width, at % width);
+            if row >= nz || column >= nz {
+                assert_eq!(found.to_bits(), 0, "what is known has no covariance");
+                continue;
+            }
             let pairs = (0..nz).flat_map(|i| (0..nz).map(move |j| (i, j)));
             let expected: f64 = pairs.map(|(i, j)| t[i][row] * p(i, j) * t[j][column]).sum();
             assert!((found - expected).abs() < 1e-14, "{augmentation:?} {row} {column}");

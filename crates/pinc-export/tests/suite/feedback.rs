@@ -83,6 +83,7 @@ pub(crate) fn tanks(disturbance: Disturbance, delay: usize) -> Parts {
         high: with([14.0, 14.0, 4.0, 4.0], 0.3),
         gate: Gate::Sd(8.0),
         range: vec![6.0; 4],
+        ..Tuning::default()
     };
     (case, augmentation, tuning)
 }

@@ -69,10 +69,8 @@ fn a_controller_with_an_estimator_may_too() {
         initial_sd: vec![1e-3; 2],
         process_sd: vec![1e-4; 2],
         measurement_sd: vec![1e-4; 2],
-        low: Vec::new(),
-        high: Vec::new(),
         gate: Gate::Sd(8.0),
-        range: Vec::new(),
+        ..Tuning::default()
     };
     for filter in [Filter::Extended, Filter::MovingHorizon(3)] {
         let estimation = Estimation { filter, augmentation: &augmentation, tuning: &tuning };

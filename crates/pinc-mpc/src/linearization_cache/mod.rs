@@ -88,14 +88,14 @@ impl LinearizationCache {
 
     /// Sets p at each stage; whether it changed, by which what is known is no longer so.
     pub(crate) fn set_stage_parameters<'p>(&mut self, of: impl Fn(usize) -> &'p [f64]) -> bool {
-        let (mut changed, last) = (false, self.dims.horizon - 1);
-        let rows = self.parameters.chunks_exact_mut(self.counts[1].max(1));
+        let (mut changed, last, width) = (false, self.dims.horizon - 1, self.counts[1]);
+        let rows = self.parameters.chunks_exact_mut(width.max(1));
         for (stage, row) in rows.enumerate() {
             let p = of(stage.min(last));
+            let row = &mut row[width - p.len()..];
             changed |= row.iter().zip(p).any(|(old, new)| old.to_bits() != new.to_bits());
             row.copy_from_slice(p);
         }
-        let width = self.counts[1];
         self.one_p = self.parameters[width..] == self.parameters[..self.parameters.len() - width];
         self.known &= !changed;
         changed

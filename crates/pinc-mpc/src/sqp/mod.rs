@@ -172,7 +172,7 @@ impl Sqp {
         self.transcription.set_bounds(schedule, covered, preview);
     }
 
-    /// Sets the model's parameters at each stage; whether they changed.
+    /// Sets the model's parameters, or the last of them, at each stage; whether they changed.
     pub(crate) fn set_stage_parameters<'p>(&mut self, of: impl Fn(usize) -> &'p [f64]) -> bool {
         self.transcription.set_stage_parameters(of)
     }

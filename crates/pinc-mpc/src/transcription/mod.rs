@@ -171,7 +171,7 @@ impl Transcription {
         self.cache.set_parameters(p);
     }
 
-    /// Sets the parameters of each stage; whether they changed.
+    /// Sets the parameters of each stage, or the last of them; whether they changed.
     pub(crate) fn set_stage_parameters<'p>(&mut self, of: impl Fn(usize) -> &'p [f64]) -> bool {
         self.cache.set_stage_parameters(of)
     }

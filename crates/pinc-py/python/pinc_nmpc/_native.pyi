@@ -390,8 +390,9 @@ class Estimator:
     def reset(self, u: Optional[ArrayLike] = None) -> None:
         """Forgets everything: the estimate is again the initial one. ``u`` is the input that acts
         before the first measurement: ``control.initial_input``, or 0."""
-    def correct(self, y: ArrayLike) -> Correction:
-        """Corrects the estimate with what is measured now; NaN is missing."""
+    def correct(self, y: ArrayLike, parameters: Optional[ArrayLike] = None) -> Correction:
+        """Corrects the estimate with what is measured now; NaN is missing. ``parameters`` are the
+        values of ``Estimator.parameters`` from now on; as before if they are not given."""
     def predict(self, u: ArrayLike) -> str:
         """Moves the estimate on by a step of T under the input ``u``. Returns how that ended;
         ``"updated"`` is the ordinary status."""
@@ -414,6 +415,9 @@ class Estimator:
     @property
     def measured(self) -> list[str]:
         """Names of what is measured: the argument y of ``correct``."""
+    @property
+    def parameters(self) -> list[str]:
+        """Names of the parameters that are known anew in each step, measured or scheduled."""
     @property
     def inputs(self) -> list[str]:
         """Names of the inputs."""

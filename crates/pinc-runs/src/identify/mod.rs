@@ -1,6 +1,5 @@
 //! `pinc identify`: parameters and initial states from recorded data.
 
-use super::recorded::{Columns, DataRow};
 use super::{Options, rebuild_report};
 use crate::RunError;
 use crate::horizon::outputs;
@@ -20,8 +19,8 @@ use pinc_record::columns::{not_later, rows, too_far, too_few_rows};
 use pinc_record::{
     CorrelationMetrics, EstimateMetrics, HeldOutMetrics, IdentificationMetrics,
     InitialStateMetrics, InputCorrelationMetrics, MinimumMetrics, ParameterMetrics, Provenance,
-    ResidualMetrics, ResidualRow, ResidualTable, RunDir, StartMetrics, WorkMetrics, file,
-    read_file,
+    RecordedColumns, RecordedRow, ResidualMetrics, ResidualRow, ResidualTable, RunDir,
+    StartMetrics, WorkMetrics, file, read_file,
 };
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
@@ -151,7 +150,7 @@ fn first_integrator(experiment: &Experiment) -> ModelKind {
 }
 
 /// The rows of a file, with their lines.
-type Rows = Vec<(u64, DataRow)>;
+type Rows = Vec<(u64, RecordedRow)>;
 
 fn read(
     path: &Path,
@@ -162,7 +161,7 @@ fn read(
     let text = read_file(path)?;
     let at = |(line, problem)| RunError::Csv { path: path.to_owned(), line, problem };
     let (header, rows) = rows(&text).map_err(at)?;
-    let columns = Columns::find(&header, variables, measured, parameters);
+    let columns = RecordedColumns::find(&header, variables, measured, (&[], parameters));
     let columns = columns.map_err(|problem| at((1, problem)))?.without_truth();
     let mut all = Rows::new();
     for row in rows {
@@ -231,7 +230,7 @@ fn filled(path: &Path, rows: &Rows, sample_time_s: f64) -> Result<Recorded, RunE
     let channels = rows[0].1.y.len();
     let (u, y, t) = (Vec::new(), Vec::new(), Vec::new());
     let mut all = Recorded { name, u, y, t, channels };
-    let mut before: Option<&DataRow> = None;
+    let mut before: Option<&RecordedRow> = None;
     for (line, row) in rows {
         if let Some(before) = before {
             let at = |problem| RunError::Csv { path: path.to_owned(), line: *line, problem };

@@ -1,4 +1,4 @@
-use super::{DataRow, Recorded, filled};
+use super::{Recorded, RecordedRow, filled};
 use std::path::Path;
 
 /// Behind one row that is left out the errors are 0 and 3, and 4 where there is a measurement.
@@ -14,7 +14,8 @@ fn errors_on_held_out_data_are_root_mean_squares() {
 /// Steps of 0.1 s of Unix times: a double has these to 2.4e-7 s only.
 #[test]
 fn times_are_whole_steps_apart_as_far_as_doubles_tell() {
-    let row = |t: f64| DataRow { t, u: vec![0.0], y: vec![1.0], truth: None };
+    let row =
+        |t: f64| RecordedRow { t, u: vec![0.0], known: Vec::new(), y: vec![1.0], truth: None };
     let rows = |times: &[f64]| (2..).zip(times.iter().map(|t| row(*t))).collect();
     let path = Path::new("times.csv");
     let times = [1700000000.0, 1700000000.1, 1700000000.2, 1700000007.3, 1700000017.5];

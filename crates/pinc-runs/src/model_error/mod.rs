@@ -161,6 +161,7 @@ pub(crate) fn correction(states: usize, parameters: &[f64]) -> Augmentation {
         disturbance: Disturbance::States((0..states).collect()),
         parameters: parameters.to_vec(),
         estimated: (0..parameters.len()).collect(),
+        known: Vec::new(),
     }
 }
 

@@ -22,6 +22,7 @@ mod guard;
 mod identification;
 mod kills;
 mod known_error;
+mod known_signals;
 mod limits;
 mod lists;
 mod measurements;
