@@ -3,7 +3,7 @@
 
 use crate::{Finding, Rehearsal, Subject};
 use pinc_analysis::HeldPoint;
-use pinc_config::ControlSpec;
+use pinc_config::{ControlSpec, NetErrorSpec, UncertaintySpec};
 use pinc_record::{advice, is_failure};
 
 /// An offset is more than slow if it is so many times as large as where a quantity counts as settled, and of
@@ -34,6 +34,38 @@ pub(crate) fn examine(subject: &Subject<'_>) -> Vec<Finding> {
             ];
         }
     };
+    let mut findings = judged(subject, control, rehearsal);
+    findings.extend(left_out(control));
+    findings
+}
+
+/// What the rehearsed loop does without, though `pinc control` does not.
+fn left_out(control: &ControlSpec) -> Option<Finding> {
+    let uncertain = control.uncertainty.as_ref();
+    let has_net_error = |of: &UncertaintySpec| of.net_error != NetErrorSpec::NONE;
+    let keys = [
+        ("control.plant", control.plant.is_some()),
+        ("control.plant_schedule", !control.plant_schedule.is_empty()),
+        ("control.loads", !control.loads.is_empty()),
+        ("control.parameters", !control.parameters.is_empty()),
+        ("control.parameter_schedule", !control.parameter_schedule.is_empty()),
+        ("control.estimator", control.estimator.is_some()),
+        ("control.uncertainty.estimate", uncertain.is_some_and(|of| of.estimate)),
+        ("control.uncertainty.net_error", uncertain.is_some_and(has_net_error)),
+        ("control.budget_us", control.budget_us.is_some()),
+    ];
+    let keys: Vec<&str> = keys.iter().filter_map(|(key, given)| given.then_some(*key)).collect();
+    let what = || {
+        format!(
+            "the closed loop here has the models' own plant, measured states and no clock, without {}",
+            keys.join(", ")
+        )
+    };
+    (!keys.is_empty()).then(|| Finding::fact("control", what()))
+}
+
+/// The statuses of its steps, what it misses and what it breaks.
+fn judged(subject: &Subject<'_>, control: &ControlSpec, rehearsal: &Rehearsal) -> Vec<Finding> {
     let (model, steps) = (rehearsal.model.title(), rehearsal.status.values().sum::<usize>());
     let failures = || rehearsal.status.iter().filter(|(status, _)| is_failure(status));
     let failed: usize = failures().map(|(_, steps)| steps).sum();

@@ -7,29 +7,22 @@ use super::recording::{Recording, Totals, TraceColumns, write_medians};
 use super::{Options, loop_error, model_error};
 use crate::RunError;
 use crate::progress::Stage;
-use pinc_check::{Metered, Rehearsal, Work};
 use pinc_config::{ControlSpec, Experiment, HorizonPlants, ModelKind, Schedule, Variables};
 use pinc_estimate::Augmentation;
 use pinc_loop::{ClosedLoop, Violation};
 use pinc_mpc::{BoundSchedule, Bounded, Nmpc, NmpcProblem, Reference, Scenarios};
 use pinc_net::{PincNet, TrainingTarget};
-use pinc_ode::{
-    Dims, DynPlant, DynRhs, Integrator, PiecewiseConstant, Scheme, Simulator, Trajectory,
-};
+use pinc_ode::{DynPlant, DynRhs, PiecewiseConstant, Simulator};
 use pinc_record::{
     ControlColumns, ControlMetrics, CostMetrics, EstimatorMetrics, FirstPlanMetrics, Metrics,
     ReferenceMetrics, RunDir, StepTimes, ViolationMetrics, WallTimes, decimals, file,
 };
 use std::borrow::Cow;
 use std::cell::Cell;
-use std::collections::BTreeMap;
 use std::time::{Duration, Instant};
 
 /// A deviation of this share of a state's bounded range counts as settled.
 const SETTLED_RANGE: f64 = 1e-4;
-
-/// The entries of Jacobians that a rehearsal computes for its plans.
-const REHEARSED_ENTRIES: usize = 400_000_000;
 
 /// The inputs of closed loops.
 #[derive(Debug)]
@@ -224,87 +217,6 @@ pub fn verdict(experiment: &Experiment, metrics: &Metrics) -> Result<(), RunErro
     }
 }
 
-/// The closed loop of `spec` with an integrator as the model: the first one of the config, or else
-/// RK4.
-pub(super) fn rehearse(
-    (plant, metered): (&dyn DynPlant, &Metered),
-    (spec, beside): (&ControlSpec, HorizonPlants),
-    sample_time_s: f64,
-    work: &Work,
-) -> Result<Rehearsal, RunError> {
-    let integrator = spec.models.iter().find(|kind| kind.is_numerical());
-    let other = if plant.black_box().is_some() { ModelKind::BlackBox } else { ModelKind::RK4 };
-    let kind = integrator.copied().unwrap_or(other);
-    let spec = ControlSpec { estimator: None, uncertainty: None, ..spec.clone() };
-    let numerical = LoopSetup::numerical(&spec, sample_time_s, plant);
-    let setup = LoopSetup { truth: metered, beside, ..numerical };
-    let mut nmpc = setup.controller(kind, plant)?;
-    let mut run = setup.begin(&mut nmpc)?;
-    let (mut trace, mut status) = (Trajectory::new(plant.dims()), BTreeMap::new());
-    let most = rehearsed_steps(plant.dims(), &spec, kind);
-    let all = pinc_config::steps(spec.duration_s, sample_time_s);
-    let iteration = iteration_units(plant.dims(), &spec, kind, metered);
-    let mut done = 0;
-    while done < most && (done == 0 || !work.is_over()) {
-        let Some(control) = run.control()? else { break };
-        let record = control.record();
-        let (ended, iterations) = (record.status.to_string(), record.sqp_iterations as u64 + 1);
-        match control.advance() {
-            // The budget was used up on the way.
-            Err(_) if work.is_over() && done > 0 => break,
-            advanced => advanced?,
-        }
-        work.spend(iterations.saturating_mul(iteration));
-        done += 1;
-        *status.entry(ended).or_default() += 1;
-        let step = run.last_step();
-        for (i, t) in step.times().iter().enumerate() {
-            trace.push(*t, step.state(i), step.input(i));
-        }
-    }
-    let (references, violations) = (setup.reached(&run), setup.violations(&run));
-    let left_out = all.saturating_sub(done);
-    Ok(Rehearsal { model: kind, trace, status, references, violations, left_out })
-}
-
-/// The units of work that an iteration of the controller takes: the model with its Jacobians along
-/// the horizon, and a factorization for each stage.
-fn iteration_units(dims: Dims, spec: &ControlSpec, kind: ModelKind, metered: &Metered) -> u64 {
-    let evaluations = match kind {
-        ModelKind::Integrator(integrator) => evaluations(spec, integrator),
-        ModelKind::BlackBox => 1 + dims.nx + dims.nu,
-        ModelKind::Pinc | ModelKind::Policy => evaluations(spec, Integrator::Rk4),
-    };
-    // About four derivatives cost as much as the value.
-    let model = evaluations as u64 * metered.units() * (1 + (dims.nx + dims.nu) as u64 / 4);
-    let factorization = ((dims.nx + dims.nu) as u64).pow(3) / 10;
-    spec.n2 as u64 * (model + factorization)
-}
-
-/// Evaluations of the right-hand side in a step of an integrator.
-fn evaluations(spec: &ControlSpec, integrator: Integrator) -> usize {
-    integrator.stages() * spec.own_substeps(integrator)
-}
-
-/// How many steps of a loop are rehearsed: as many as take a second or so, by the entries of the
-/// Jacobians that the model computes for one plan.
-fn rehearsed_steps(dims: Dims, spec: &ControlSpec, kind: ModelKind) -> usize {
-    let stages = match kind {
-        ModelKind::Integrator(integrator) => match integrator.scheme() {
-            Scheme::Explicit(_) => evaluations(spec, integrator),
-            // A factorization takes as long as the products with its factors.
-            Scheme::LinearlyImplicit => 2 * evaluations(spec, integrator),
-        },
-        // A millisecond or so for each run of the black box.
-        ModelKind::BlackBox => 10_000,
-        ModelKind::Pinc | ModelKind::Policy => evaluations(spec, Integrator::Rk4),
-    };
-    let dense = if kind == ModelKind::ROSENBROCK { dims.nx } else { 1 };
-    let sizes = [spec.n2, stages, dims.nx, dims.nx + dims.nu, dense];
-    let work = sizes.into_iter().fold(1_usize, usize::saturating_mul);
-    (REHEARSED_ENTRIES / work.max(1)).max(5)
-}
-
 impl<'a> LoopSetup<'a> {
     /// With an integrator as the model of the plant in the loop.
     #[must_use]
@@ -440,7 +352,7 @@ impl LoopSetup<'_> {
     }
 
     /// The bounds that the plant broke.
-    fn violations(&self, run: &ClosedLoop<'_>) -> Vec<ViolationMetrics> {
+    pub(super) fn violations(&self, run: &ClosedLoop<'_>) -> Vec<ViolationMetrics> {
         let named = |violation: &Violation| {
             let (variable, from_step) = match violation.of {
                 Bounded::State(i) => (&self.truth.states()[i], 1),
@@ -453,7 +365,7 @@ impl LoopSetup<'_> {
     }
 
     /// Whether the references of what has a weight were reached.
-    fn reached(&self, run: &ClosedLoop<'_>) -> ReferenceMetrics {
+    pub(super) fn reached(&self, run: &ClosedLoop<'_>) -> ReferenceMetrics {
         let (within, weights) = (self.settled_within(run), self.problem().weights);
         let judged =
             |(i, most): (usize, &f64)| if weights.tracks(i) { *most } else { f64::INFINITY };

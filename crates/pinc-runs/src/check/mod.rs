@@ -2,8 +2,8 @@
 //! for.
 
 mod cost;
+mod rehearsal;
 
-use super::control::rehearse;
 use super::data;
 use crate::progress::{Stage, Verbosity};
 use pinc_check::{Evidence, Finding, Metered, Work};
@@ -36,8 +36,7 @@ fn examine(plant: &dyn DynPlant, experiment: &Experiment, verbosity: Verbosity) 
     let step_s = experiment.sample_time_s();
     work.begin();
     let rehearsal = experiment.control.as_ref().zip(step_s).map(|(spec, step_s)| {
-        let beside = experiment.horizon_plants(&[]);
-        rehearse((plant, &metered), (spec, beside), step_s, &work)
+        rehearsal::rehearse((plant, &metered), (experiment, spec), step_s, &work)
             .map_err(|error| error.to_string())
     });
     work.begin();

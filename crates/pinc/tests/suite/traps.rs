@@ -3,6 +3,7 @@
 
 use crate::common::{outcome, pinc, repository};
 use pinc_config::{Experiment, Plants};
+use pinc_record::Metrics;
 use pinc_runs::{Finding, Severity, check};
 
 fn trap(name: &str, sets: &[&str]) -> Vec<Finding> {
@@ -428,4 +429,75 @@ fn findings_of(plant: &str, sets: &[&str]) -> Vec<Finding> {
     );
     let sets: Vec<_> = sets.iter().map(|set| (*set).to_owned()).collect();
     check(&Experiment::parse("short.toml".as_ref(), &text, &sets, &Plants::built_in()).unwrap())
+}
+
+/// The controller of a check has the tube and the scenarios of that of `pinc control`, and what its loop
+/// does without is named.
+#[test]
+fn a_rehearsal_has_the_controller_that_is_configured() {
+    let tank = |more: &str| {
+        let text = format!(
+            r#"
+            name = "mixed"
+            preset = "ours"
+            seed = 1
+            [plant.expression]
+            states = ["h", "c"]
+            inputs = ["q", "f"]
+            parameters = {{ a = 0.5, k = 0.2 }}
+            derivatives = {{ h = "q - a*sqrt(h)", c = "(f*q - c*q)/h - k*c" }}
+            [control]
+            models = ["rk4"]
+            step_s = 0.5
+            duration_s = 2.5
+            initial_state = [1.0, 0.4]
+            initial_input = [0.5, 0.7]
+            controlled = ["h", "c"]
+            q = [3.0, 5.0]
+            r = [0.3, 0.1]
+            n2 = 6
+            state_low = [0.2, 0.0]
+            state_high = [0.95, 0.9]
+            input_low = [0.0, 0.0]
+            input_high = [2.0, 2.0]
+            references = [{{ start_s = 0.0, value = [1.5, 0.85] }}]
+            repetitions = 1
+            max_failed_share = 1.0
+            {more}
+            "#
+        );
+        let dir = tempfile::tempdir().unwrap();
+        let config = dir.path().join("tank.toml");
+        std::fs::write(&config, &text).unwrap();
+        let run = dir.path().join("run");
+        let mut command = pinc(&["control", "--quiet", "--out"]);
+        let ended = outcome(command.arg(&run).arg(&config));
+        assert_eq!(ended.code, Some(0), "{ended:?}");
+        let control = Metrics::read(&run).unwrap().unwrap().control.remove(0);
+        (check(&Experiment::load(&config, &[], &Plants::built_in()).unwrap()), control)
+    };
+    let says = |found: &[Finding], part: &str| found.iter().any(|f| f.what.contains(part));
+    let mut broken = Vec::new();
+    for more in [
+        "",
+        "scenarios = { values = { a = [0.5, 0.4, 0.6], k = [0.2, 0.3] }, robust_horizon = 2 }",
+        "uncertainty = { probability = 0.99, process_sd = [0.02, 0.01] }",
+        "uncertainty = { probability = \"worst-case\", parameters = { a = [0.45, 0.55] } }",
+    ] {
+        let (found, control) = tank(more);
+        let note = control.violations[0].note(None).0;
+        assert!(says(&found, note.trim_end_matches('.')), "{more}: {note} {found:?}");
+        assert!(!says(&found, "the closed loop here"), "{found:?}");
+        broken.push(control.violations[0].amount);
+    }
+    broken.sort_by(f64::total_cmp);
+    broken.dedup();
+    assert_eq!(broken.len(), 4, "{broken:?}");
+    let (found, control) = tank("uncertainty = { probability = 0.9, process_sd = [10.0, 10.0] }");
+    assert_eq!(control.failed_steps(), 5);
+    assert!(says(&found, "5 of 5 steps of the closed loop with RK4 fail"), "{found:?}");
+    let loads = "loads = [{ start_s = 0.5, rates = { h = 0.2 } }]\n\
+                 plant_schedule = [{ start_s = 1.0, values = { a = 0.3 } }]";
+    let (found, _) = tank(loads);
+    assert!(says(&found, "without control.plant_schedule, control.loads"), "{found:?}");
 }
