@@ -4,7 +4,7 @@
 use crate::groups::groups;
 use crate::{Finding, Subject, numbers, short};
 use pinc_analysis::OperatingPoint;
-use pinc_config::Experiment;
+use pinc_config::{ControlSpec, Experiment, ModelKind};
 use pinc_net::Domain;
 use pinc_ode::{Simulator, Variable};
 use rand::rngs::ChaCha8Rng;
@@ -33,6 +33,7 @@ pub(crate) fn examine(subject: &Subject<'_>) -> Vec<Finding> {
         }
         seen.merge(&extent);
     }
+    findings.extend(parameters(subject.experiment));
     let left = findings.iter().any(|finding| finding.place == "domain");
     if left && let Some(domain) = &subject.experiment.domain {
         findings.push(proposal(subject, &seen, domain));
@@ -43,6 +44,45 @@ pub(crate) fn examine(subject: &Subject<'_>) -> Vec<Finding> {
         ));
     }
     findings
+}
+
+/// The parameters that the controller tells the net outside the ranges of its training.
+fn parameters(experiment: &Experiment) -> Vec<Finding> {
+    let ranges = experiment.domain.iter().flat_map(|domain| &domain.parameters);
+    let control = experiment.control.as_ref();
+    let Some(control) = control.filter(|of| of.models.contains(&ModelKind::Pinc)) else {
+        return Vec::new();
+    };
+    let own = experiment.model_parameters();
+    let outside = ranges.zip(own).filter_map(|(range, own)| {
+        let name = range.name.as_str();
+        let told = told_values(control, name).chain([own]);
+        let (low, high) = told.fold((own, own), |(low, high), p| (low.min(p), high.max(p)));
+        let said = match (low < range.low, high > range.high) {
+            (false, false) => return None,
+            (true, false) => format!("{name} goes down to {}", short(low)),
+            (false, true) => format!("{name} goes up to {}", short(high)),
+            (true, true) => format!("{name} goes from {} to {}", short(low), short(high)),
+        };
+        Some(format!("{said} (trained from {} to {})", range.low, range.high))
+    });
+    let finding = |what: String| {
+        Finding::warning("domain.parameters", format!("the controller tells the net that {what}"))
+            .because("outside the box it was trained on a net is wrong")
+            .change("a wider range in [domain.parameters], or other values in [control]")
+    };
+    outside.map(finding).collect()
+}
+
+/// What the models are told of a parameter in the course of a loop, or ahead of it.
+fn told_values<'a>(control: &'a ControlSpec, name: &'a str) -> impl Iterator<Item = f64> + 'a {
+    let is_measured = control.measured_parameters.iter().any(|of| of == name);
+    let measured = control.plant_schedule.iter().filter(move |_| is_measured);
+    let steps = control.parameter_schedule.iter().chain(measured);
+    let branches = control.scenarios.iter().filter_map(|of| of.values.get(name)).flatten();
+    let intervals = control.uncertainty.iter().filter_map(|of| of.parameters.get(name)).flatten();
+    let steps = steps.filter_map(|step| step.values.get(name));
+    steps.chain(branches).chain(intervals).copied()
 }
 
 /// The least and the largest value of each variable, states first.

@@ -143,14 +143,16 @@ static const PINC_REAL *pinc_gain(const pinc_mpc *m, int j)
 }
 
 /* Deviations at the end of a stage from those at its beginning, with M = A + B K: P <- M P M' + W;
-   e becomes the ellipsoid of least trace around M E M' and the largest errors. */
+   e becomes the ellipsoid of least trace around M E M' and the largest errors, where state i counts
+   in units of sqrt((M E M')_ii) + box_i. */
 static void pinc_propagate(const PINC_REAL *a, const PINC_REAL *b, const PINC_REAL *gain,
                            PINC_REAL *p, PINC_REAL *e)
 {
     PINC_REAL closed[PINC_NX * PINC_NX];
     PINC_REAL next[PINC_NX * PINC_NX];
+    PINC_REAL far[PINC_NX];
     PINC_REAL trace = PINC_N(0);
-    PINC_REAL sum;
+    PINC_REAL sum = PINC_N(0);
     int i;
     pinc_copy(closed, a, PINC_NX * PINC_NX);
     for (i = 0; (gain != NULL) && (i < PINC_NX); i++) {
@@ -161,19 +163,21 @@ static void pinc_propagate(const PINC_REAL *a, const PINC_REAL *b, const PINC_RE
     pinc_congruence(closed, e, next);
     for (i = 0; i < PINC_NX; i++) {
         p[i * (PINC_NX + 1)] += pinc_process_variance[i];
-        trace += next[i * (PINC_NX + 1)];
+        far[i] = PINC_MATH(sqrt)(pinc_max(next[i * (PINC_NX + 1)], PINC_N(0)));
+        if ((far[i] + pinc_box[i]) > PINC_N(0)) {
+            const PINC_REAL part = far[i] / (far[i] + pinc_box[i]);
+            trace += part * part;
+            sum += PINC_N(1) - part;
+        }
     }
-    trace = PINC_MATH(sqrt)(pinc_max(trace, PINC_N(0)));
-    sum = trace;
-    for (i = 0; i < PINC_NX; i++) {
-        sum += pinc_box[i];
-    }
+    trace = PINC_MATH(sqrt)(trace);
+    sum += trace;
     pinc_fill(e, PINC_N(0), PINC_NX * PINC_NX);
     if (trace > PINC_N(0)) {
         pinc_add_scaled(e, sum / trace, next, PINC_NX * PINC_NX);
     }
     for (i = 0; i < PINC_NX; i++) {
-        e[i * (PINC_NX + 1)] += sum * pinc_box[i];
+        e[i * (PINC_NX + 1)] += sum * pinc_box[i] * (far[i] + pinc_box[i]);
     }
 }
 

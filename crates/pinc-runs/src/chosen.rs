@@ -1,5 +1,6 @@
 //! The one model that a controller outside of a run works with.
 
+use super::guard::Member;
 use super::{LoopSetup, Schedules, matching_model, proof};
 use crate::RunError;
 use pinc_config::{ControlSpec, Experiment, LoopParameters, ModelKind, OutsidePolicy, Variables};
@@ -48,6 +49,8 @@ pub(super) struct Chosen<'e> {
     /// The places of those that are measured, in the order of the config.
     pub(super) measured: Vec<usize>,
     scenarios: Option<Scenarios>,
+    /// What the net of `given` was made of, if it is one of a family with values for its parameters.
+    pub(super) member: Option<Member>,
     /// See [`LoopSetup`].
     proven: Option<Vec<f64>>,
     truth: Box<dyn DynPlant>,
@@ -105,7 +108,7 @@ impl<'e> Chosen<'e> {
             let own = spec.parameters.get(names[place]).or_else(|| nominal.get(names[place]));
             values[place] = own.copied().unwrap_or(values[place]);
         }
-        let mut told = Cow::Borrowed(experiment);
+        let (mut told, mut member) = (Cow::Borrowed(experiment), None);
         let (given, names, parameters) = match given {
             Some((bytes, net))
                 if estimated.is_empty()
@@ -116,7 +119,9 @@ impl<'e> Chosen<'e> {
                     names.iter().zip(&values).map(|(name, value)| ((*name).to_owned(), *value));
                 told = Cow::Owned(experiment.with_parameters(&own.collect()));
                 known.clear();
-                (Some((bytes, net.member(&values))), Vec::new(), Vec::new())
+                let own = net.member(&values);
+                member = Some(Member { family: net, parameters: values });
+                (Some((bytes, own)), Vec::new(), Vec::new())
             }
             given => (given, names, values),
         };
@@ -138,6 +143,7 @@ impl<'e> Chosen<'e> {
             known,
             measured,
             scenarios: experiment.scenarios(),
+            member,
             proven,
             truth,
             experiment: told,

@@ -2,7 +2,7 @@
 
 use super::feedback::{self, TimedFeedback};
 use super::first_plan::first_plan;
-use super::guard::Guard;
+use super::guard::{Ahead, Guard};
 use super::recording::{Recording, Totals, TraceColumns, write_medians};
 use super::{Options, loop_error, model_error};
 use crate::RunError;
@@ -241,13 +241,20 @@ impl<'a> LoopSetup<'a> {
 }
 
 impl LoopSetup<'_> {
-    /// What the model has besides the net.
-    pub(crate) fn unknowns(
-        &self,
-        plant: &dyn DynPlant,
-    ) -> (Option<Augmentation>, Option<Scenarios>) {
+    /// What the model has besides the net: an augmentation, and branches or intervals of parameters.
+    pub(crate) fn unknowns(&self, plant: &dyn DynPlant) -> (Option<Augmentation>, Ahead) {
         let augmentation = self.sections().map(|(of, by)| self.augmentation(of, &by, plant));
-        (augmentation, self.scenarios.clone())
+        let ahead = match (&self.scenarios, &self.spec.uncertainty) {
+            (Some(Scenarios { parameters, values, .. }), _) => {
+                Ahead { places: parameters.clone(), values: values.clone() }
+            }
+            (None, Some(of)) if !of.parameters.is_empty() => Ahead {
+                places: of.places(plant.parameters()).collect(),
+                values: [0, 1].map(|end| of.parameters.values().map(|of| of[end]).collect()).into(),
+            },
+            (None, _) => Ahead::default(),
+        };
+        (augmentation, ahead)
     }
 
     /// What watches the net, if that is the model.

@@ -3,7 +3,6 @@
 use crate::RunError;
 use pinc_config::OutsidePolicy;
 use pinc_estimate::{Augmentation, InnerArguments};
-use pinc_mpc::Scenarios;
 use pinc_net::PincNet;
 use pinc_ode::Dims;
 use pinc_record::{Excess, OutsideDomain, significant};
@@ -20,29 +19,53 @@ pub(crate) struct Guard<'n> {
     /// What makes it report instead of refuse.
     report: &'static str,
     arguments: InnerArguments,
-    scenarios: Option<Scenarios>,
+    ahead: Ahead,
+    /// The parameters of the net, if it is one of a family.
+    member: Option<Member>,
     found: OutsideDomain,
 }
 
+/// Values that parameters have somewhere in a plan, beside those of the model: the parameters by their
+/// places, and sets of values for them.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Ahead {
+    pub(crate) places: Vec<usize>,
+    pub(crate) values: Vec<Vec<f64>>,
+}
+
+/// A net of a family with values for its parameters.
+#[derive(Clone, Debug)]
+pub(crate) struct Member {
+    /// The net that takes them.
+    pub(crate) family: PincNet,
+    pub(crate) parameters: Vec<f64>,
+}
+
 impl<'n> Guard<'n> {
-    /// Of a net by itself, or with what the controller's model has: an augmentation, or branches whose
-    /// parameters are looked at.
+    /// Of a net by itself, or with what the controller's model has: an augmentation, and parameters
+    /// elsewhere in its plans.
     pub(crate) fn new(
         net: Cow<'n, PincNet>,
         policy: OutsidePolicy,
-        (augmentation, scenarios): (Option<Augmentation>, Option<Scenarios>),
+        (augmentation, ahead): (Option<Augmentation>, Ahead),
     ) -> Self {
         let [nx, nu] = [net.state_names(), net.input_names()].map(<[_]>::len);
         let dims = Dims::new(nx, nu).with_parameters(net.parameter_names().count());
         let arguments = InnerArguments::new(dims, augmentation);
         let report = "control.outside_domain = \"report\"";
-        Self { net, policy, report, arguments, scenarios, found: OutsideDomain::default() }
+        let found = OutsideDomain::default();
+        Self { net, policy, report, arguments, ahead, member: None, found }
+    }
+
+    /// The guard of a net that is a member of a family.
+    pub(crate) fn of_member(self, member: Option<Member>) -> Self {
+        Self { member, ..self }
     }
 
     /// Of a net by itself whose policy is an option of a command.
     pub(crate) fn of_command(net: &'n PincNet, policy: OutsidePolicy) -> Self {
         let report = "--outside-domain report";
-        Self { report, ..Self::new(Cow::Borrowed(net), policy, (None, None)) }
+        Self { report, ..Self::new(Cow::Borrowed(net), policy, (None, Ahead::default())) }
     }
 
     /// Counts a use in the state `x` under the input `u` with the parameters `p` of the model; an
@@ -50,17 +73,19 @@ impl<'n> Guard<'n> {
     pub(crate) fn look(&mut self, x: &[f64], u: &[f64], p: &[f64]) -> Result<(), RunError> {
         self.found.samples += 1;
         let [x, u, p] = self.arguments.of(x, u, p);
-        let domain = self.net.domain();
-        let variables = self.net.state_names().iter().chain(self.net.input_names());
-        let names = variables.map(String::as_str).chain(self.net.parameter_names());
+        let (net, p) = match &self.member {
+            Some(Member { family, parameters }) => (family, &parameters[..]),
+            None => (&*self.net, p),
+        };
+        let domain = net.domain();
+        let variables = net.state_names().iter().chain(net.input_names());
+        let names = variables.map(String::as_str).chain(net.parameter_names());
         let mut excesses: Vec<f64> = domain.excess(x, u, p).collect();
-        if let Some(Scenarios { parameters, values, .. }) = &self.scenarios {
-            let mut p = p.to_vec();
-            for values in values {
-                parameters.iter().zip(values).for_each(|(&place, value)| p[place] = *value);
-                let of_branch = domain.excess(x, u, &p);
-                excesses.iter_mut().zip(of_branch).for_each(|(most, of)| *most = most.max(of));
-            }
+        let mut p = p.to_vec();
+        for values in &self.ahead.values {
+            self.ahead.places.iter().zip(values).for_each(|(&place, value)| p[place] = *value);
+            let there = domain.excess(x, u, &p);
+            excesses.iter_mut().zip(there).for_each(|(most, of)| *most = most.max(of));
         }
         let mut outside = false;
         for ((name, excess), (low, high)) in names.zip(excesses).zip(domain.ends()) {

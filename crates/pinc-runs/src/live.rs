@@ -137,6 +137,7 @@ impl LiveController {
         let net = chosen.net().cloned().map(Cow::Owned);
         let unknowns = setup.unknowns(&*chosen.plant);
         let guard = net.map(|net| Guard::new(net, spec.outside_domain, unknowns));
+        let guard = guard.map(|guard| guard.of_member(chosen.member.clone()));
         let dims = nmpc.model().dims();
         let observer = LiveEstimator::of(&setup, chosen.kind, &*chosen.plant)?;
         let mut live = Self {

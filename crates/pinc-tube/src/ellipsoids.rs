@@ -29,7 +29,8 @@ const FIRST_PROGRAMS: usize = 10;
 /// and a bound on h'x moves inwards by z sqrt(h'P h) + sqrt(h'E h) + the sum of |h'g|, z being the
 /// normal distribution's quantile. Where parameters p of the controller's model are estimated, P is
 /// that of (x, p), of which p is constant: L = (M, dF/dp; 0, I). K is 0 at the first stage. (+) is the
-/// ellipsoid of least trace, in the tube's units, around the sum. What is quadratic in deviations is
+/// ellipsoid of least trace around the sum, where state i counts in units of how far it may be,
+/// sqrt((M E M')_ii) + box_i: so it does not depend on units. What is quadratic in deviations is
 /// neglected.
 ///
 /// Reference: A. Zanelli, J. Frey, F. Messerer, M. Diehl, "Zero-order robust nonlinear model
@@ -240,7 +241,7 @@ impl EllipsoidTube {
     }
 
     /// The sum of M E M' and the segments of the boxes: (sum of s) (sum of Q/s) with s the roots of
-    /// the traces of all Q.
+    /// the traces of all Q, in units of the deviations.
     fn add_boxes(&mut self, at: Stages<'_>) {
         let n = self.dims.nx;
         let Work { boxes, next, products: [_, mem], .. } = &mut self.work;
@@ -253,14 +254,16 @@ impl EllipsoidTube {
                 *to += if size < MOST * unit { size } else { MOST * unit };
             }
         }
-        let units = &self.units.states;
-        let trace: f64 = (0..n).map(|i| mem[i * (n + 1)] / (units[i] * units[i])).sum();
-        let root = trace.max(0.0).sqrt();
-        let sum = root + boxes.iter().zip(units).map(|(size, unit)| size / unit).sum::<f64>();
+        // In units of sqrt(Q_ii) + box_i, the diagonal of Q has part^2 and a box 1 - part.
+        let far = |i: usize| mem[i * (n + 1)].max(0.0).sqrt();
+        let part = |i: usize| if far(i) > 0.0 { far(i) / (far(i) + boxes[i]) } else { 0.0 };
+        let root = (0..n).map(|i| part(i) * part(i)).sum::<f64>().sqrt();
+        let of_boxes = |i: usize| if boxes[i] > 0.0 { 1.0 - part(i) } else { 0.0 };
+        let sum = root + (0..n).map(of_boxes).sum::<f64>();
         let factor = if root > 0.0 { sum / root } else { 0.0 };
-        self.e.iter_mut().zip(mem).for_each(|(e, mem)| *e = factor * *mem);
-        for (i, (size, unit)) in boxes.iter().zip(units).enumerate() {
-            self.e[i * (n + 1)] += sum * size * unit;
+        self.e.iter_mut().zip(&*mem).for_each(|(e, mem)| *e = factor * *mem);
+        for i in 0..n {
+            self.e[i * (n + 1)] += sum * boxes[i] * (far(i) + boxes[i]);
         }
     }
 

@@ -2,8 +2,8 @@
 
 x+ = x + p T v cos(th + T w/2), y+ = y + p T v sin(th + T w/2), th+ = th + T w, T = 0.2, p = 1; output
 d = p sqrt(x^2 + y^2) + 0.1 v. Jacobians by complex steps. K: the regulator along the plan with unit
-weights 1/unit^2, 0 at the first stage. P+ = M P M' + W; E+ = the ellipsoid of least trace (in units)
-around M E M' + boxes; g+ = M g + dF for p at the end of [0.9, 1.05] where dF is larger.
+weights 1/unit^2, 0 at the first stage. P+ = M P M' + W; E+ = the ellipsoid of least trace around M E
+M' + boxes, in units of sqrt((M E M')_ii) + box_i; g+ = M g + dF for p at the end of [0.9, 1.05] where dF is larger.
 Python 3.12, numpy 2.3. Run: python zoro.py > zoro.txt
 """
 
@@ -62,7 +62,8 @@ for k in range(N):
     M = A[k] + B[k] @ K[k]
     P = M @ P @ M.T + np.diag(SD**2)
     parts = [M @ E @ M.T] + [np.diag(np.eye(n)[i] * BOX[i] ** 2) for i in range(n)]
-    s = [np.sqrt(np.trace(np.diag(1 / UX) @ X @ np.diag(1 / UX))) for X in parts]
+    far = np.sqrt(np.diag(parts[0])) + BOX
+    s = [np.sqrt(np.trace(np.diag(1 / far) @ X @ np.diag(1 / far))) for X in parts]
     E = sum(s) * sum(X / r for X, r in zip(parts, s) if r > 0)
     ends = [F(xs[k], us[k], p) - F(xs[k], us[k], 1.0) for p in (LOW, HIGH)]
     sizes = [np.linalg.norm(d / UX) for d in ends]

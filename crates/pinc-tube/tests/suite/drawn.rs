@@ -238,3 +238,42 @@ fn bounded_disturbances_never_leave_the_tube_and_come_near_its_edge() {
     // The ellipsoids contain the sums of boxes; they are not much larger.
     assert!(nearest.iter().all(|near| *near > 0.7), "{nearest:?}");
 }
+
+/// The plant with its states in other units has the same tube in these, under the same feedback, though
+/// the controller's own units stay.
+#[test]
+fn units_of_states_do_not_matter() {
+    let in_units = |of: [f64; 2]| {
+        let scaled = |a: &[f64; 4]| -> Vec<f64> {
+            (0..4).map(|at| a[at] * of[at / 2] / of[at % 2]).collect()
+        };
+        let (a, b) = (scaled(&A), [B[0] * of[0], B[1] * of[1]]);
+        let gain = vec![-0.9 / of[0], -1.1 / of[1]];
+        let sources = Sources {
+            probability: Some(0.9),
+            process_sd: vec![0.1 * of[0], 0.02 * of[1]],
+            boxes: vec![0.1 * of[0], 0.05 * of[1]],
+            ..Sources::default()
+        };
+        let units = TubeUnits { states: vec![1.0, 2.0], inputs: vec![1.5] };
+        let feedback = Feedback::Given(gain);
+        let mut tube = EllipsoidTube::new((DIMS, N), sources, None, feedback, units).unwrap();
+        let zeros = |size: usize| vec![0.0; size];
+        let mut found = BackOffs { states: zeros(2 * N), inputs: zeros(N), ..BackOffs::default() };
+        let plan = Stages { x: &[0.0; 2 * N], u: &[0.0; N], p: &[] };
+        tube.write(AlongPlan::new(plan, [&a.repeat(N), &b.repeat(N)], DIMS, 0), &mut found);
+        let states = found.states.iter().zip(of.iter().cycle()).map(|(by, unit)| by / unit);
+        states.chain(found.inputs.iter().copied()).collect::<Vec<f64>>()
+    };
+    let expected = in_units([1.0, 1.0]);
+    // All but the input of the first stage deviate.
+    assert_eq!(expected.iter().filter(|by| **by > 0.0).count(), 3 * N - 1, "{expected:?}");
+    for of in [[1e6, 1.0], [1.0, 1e6], [1e-6, 1e3], [1e5, 1e-5], [1e-6, 1e-6]] {
+        for (found, expected) in in_units(of).into_iter().zip(&expected) {
+            assert!(
+                (found - expected).abs() <= 1e-9 * (1.0 + expected),
+                "{of:?}: {found} {expected}"
+            );
+        }
+    }
+}

@@ -394,3 +394,35 @@ fn parameters_that_make_no_sense_are_refused() {
         outcome.assert_refused(parts);
     }
 }
+
+/// A net that is used as one member of its family is outside its training domain where that member is:
+/// to `pinc check`, and in served steps as in a loop. So is one whose plans have intervals that reach
+/// outside.
+#[test]
+fn a_member_outside_the_range_of_its_parameter_is_counted_or_refused() {
+    let dir = tempfile::tempdir().unwrap();
+    run(dir.path(), "trained", &["control.models=[\"pinc\"]", "control.max_failed_share=1.0"]);
+    let model = dir.path().join("trained/model.safetensors").display().to_string();
+    let config = dir.path().join("tanks.toml");
+    let member = "control.parameters={ k = 2.2 }";
+    let interval =
+        "control.uncertainty={ probability = \"worst-case\", parameters = { k = [2.2, 3.0] } }";
+    for set in [member, interval] {
+        let sets = ["--model", &model, "--set", set, "--set", "control.outside_domain=refuse"];
+        let out = tempfile::tempdir().unwrap();
+        let mut command = pinc(&["control", "--quiet", "--only", "pinc", "--out"]);
+        let refused = outcome(command.arg(out.path().join("run")).arg(&config).args(sets));
+        assert_eq!(refused.code, Some(1), "{refused:?}");
+        assert!(refused.stderr.contains("k is 0.200 beyond 2.4 to 3.8"), "{refused:?}");
+        let mut served = Served::of(&config, ModelKind::Pinc, &sets);
+        let answer = served.ask(&serde_json::json!({ "y": [5.0] })).to_string();
+        assert!(answer.contains("k is 0.200 beyond 2.4 to 3.8"), "{answer}");
+        let mut served = Served::of(&config, ModelKind::Pinc, &sets[..4]);
+        let answer = served.ask(&serde_json::json!({ "y": [5.0] }));
+        assert!(answer["u"].is_array(), "{answer}");
+        let mut command = pinc(&["check", "--set", "control.models=[\"pinc\"]"]);
+        let found = outcome(command.arg(&config).args(&sets[2..4]));
+        let said = "the controller tells the net that k goes down to 2.2 (trained from 2.4 to 3.8)";
+        assert!(found.stdout.contains(said), "{found:?}");
+    }
+}
