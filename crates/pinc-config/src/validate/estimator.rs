@@ -93,11 +93,8 @@ fn tuned(spec: &EstimatorSpec, variables: &Variables, measured: usize) -> Checke
         (EstimatorKind::Mhe, Some(window)) => {
             at_least_one(&key("window"), window)?;
             let most = pinc_estimate::Mhe::LONGEST;
-            if window <= most {
-                Ok(())
-            } else {
-                value(&key("window"), window, &format!("at most {most}"))
-            }
+            let expected = format!("at most {most}");
+            if window <= most { Ok(()) } else { value(&key("window"), window, &expected) }
         }
         (_, Some(window)) => value(&key("window"), window, "no such key: it is for kind = \"mhe\""),
         (_, None) => Ok(()),

@@ -22,6 +22,8 @@ pub(super) fn scenarios(experiment: &Experiment, control: &ControlSpec) -> Check
         ("control.first_plan", control.first_plan.is_some()),
         ("control.bound_schedule", !control.bound_schedule.is_empty()),
         ("control.parameter_preview", control.parameter_preview),
+        ("control.delay_steps", control.delay_steps > 0),
+        ("the same parameter in control.parameters", control.parameters.keys().any(told)),
         ("[control.estimator]", control.estimator.is_some()),
         ("on_error = \"correct\"", control.on_error == OnError::Correct),
         ("sqp.qp = \"condensed\"", control.sqp.qp == QpMethod::Condensed),

@@ -69,6 +69,18 @@ fn values_are_drawn() {
     assert_ne!(found[..6], values(5, "seed=2"));
     let error = parse(LOOP, &["control.scenarios.combine={ draws = 0 }"]).unwrap_err().to_string();
     assert!(error.contains("control.scenarios.combine.draws"), "{error}");
+    for (set, expected) in [
+        ("control.delay_steps=1", "no such table with control.delay_steps"),
+        (
+            "control.parameters={ a = 1.2 }",
+            "no such table with the same parameter in control.parameters",
+        ),
+    ] {
+        let domain = "domain={ state_low = [0.0], state_high = [1.0], input_low = [0.0], \
+                      input_high = [1.0], parameters = { a = [1.0, 2.0] } }";
+        let error = parse(LOOP, &[domain, set]).unwrap_err().to_string();
+        assert!(error.contains("`control.scenarios`") && error.contains(expected), "{error}");
+    }
     let many = ["control.scenarios.combine={ draws = 100000 }"];
     let error = parse(LOOP, &many).unwrap_err().to_string();
     assert!(error.contains("branches^robust_horizon"), "{error}");
