@@ -16,10 +16,11 @@ use pinc_mpc::Memory;
 /// instead of the sensor: the reading is judged by a covariance that is widened to
 /// [`Gate::widened`] (without correlations, and nowhere narrower than it is), and used with that
 /// covariance if it passes. It is judged so again after as many more rejections, with twice the
-/// standard deviations each time, up to 2^[`Gate::DOUBLINGS`] times. A lasting offset and a jump of
-/// the plant get through in this way; a sensor stuck beyond this range is never believed. One
-/// reading that passes takes back one rejection only, since a lost estimate meets the plant by
-/// chance now and then.
+/// standard deviations each time, up to 2^[`Gate::DOUBLINGS`] times, and at once if the next reading
+/// is rejected too: what is not measured is farther off than the covariance says. A lasting offset
+/// and a jump of the plant get through in this way; a sensor stuck beyond this range is never
+/// believed. One reading that passes takes back one rejection only, since a lost estimate meets the
+/// plant by chance now and then.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub enum Gate {
@@ -91,6 +92,8 @@ pub(crate) struct Gatekeeper {
     rejected: Vec<bool>,
     /// How many more rejections than passes each has had.
     doubt: Vec<usize>,
+    /// Whether the last reading of each passed with a widened covariance only.
+    reacquired: Vec<bool>,
 }
 
 /// How the readings of a step were judged.
@@ -120,18 +123,21 @@ impl Gatekeeper {
             widened: Gate::widened(tuning),
             rejected: vec![false; tuning.measurement_sd.len()],
             doubt: vec![0; tuning.measurement_sd.len()],
+            reacquired: vec![false; tuning.measurement_sd.len()],
         }
     }
 
     pub(crate) fn reset(&mut self) {
         self.rejected.fill(false);
         self.doubt.fill(0);
+        self.reacquired.fill(false);
     }
 
     /// Saves or restores what was rejected.
     pub(crate) fn remember(&mut self, memory: &mut Memory<'_>) {
         self.rejected.iter_mut().for_each(|rejected| memory.flag(rejected));
         self.doubt.iter_mut().for_each(|doubt| memory.count(doubt, MOST_DOUBT));
+        self.reacquired.iter_mut().for_each(|reacquired| memory.flag(reacquired));
     }
 
     /// Whether an innovation of this variance passes.
@@ -143,13 +149,21 @@ impl Gatekeeper {
 
     /// Takes note of whether the reading of quantity `i` passed.
     pub(crate) fn note(&mut self, i: usize, passed: bool) {
+        let in_vain = std::mem::take(&mut self.reacquired[i]);
         self.rejected[i] = !passed;
         self.doubt[i] = match self.doubt[i] {
             doubt if passed => doubt.saturating_sub(1),
             // The widest covariance stays due as often as the others.
             MOST_DOUBT => MOST_DOUBT - Gate::PATIENCE + 1,
+            doubt if in_vain => (doubt + 1 + Gate::PATIENCE).min(MOST_DOUBT),
             doubt => doubt + 1,
         };
+    }
+
+    /// Takes note that the rejected reading of quantity `i` passed with a widened covariance.
+    pub(crate) fn note_reacquired(&mut self, i: usize) {
+        self.note(i, true);
+        self.reacquired[i] = true;
     }
 
     /// Whether the last reading of quantity `i` was rejected.

@@ -141,7 +141,7 @@ impl Kalman {
                 continue;
             }
             if judgement.widened && self.gate.passes(*v, self.variance(h, i)) {
-                self.gate.note(i, true);
+                self.gate.note_reacquired(i);
                 judgement.rejected -= 1;
             } else {
                 *v = f64::NAN;

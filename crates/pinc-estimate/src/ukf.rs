@@ -343,7 +343,7 @@ impl Ukf {
             for place in 0..self.work.present.len() {
                 let i = self.work.present[place];
                 if judgement.widened && self.gate.is_rejected(i) && self.passes(i) {
-                    self.gate.note(i, true);
+                    self.gate.note_reacquired(i);
                     judgement.rejected -= 1;
                 }
             }

@@ -142,7 +142,7 @@ static int pinc_admit(pinc_estimator *e, const PINC_REAL *y)
     for (i = 0; i < PINC_NM; i++) {
         if ((pinc_finite(y[i]) != 0) && (e->rejections[i] > 0) &&
             (pinc_passes(y[i] - e->expected[i], pinc_variance(e, i)) != 0)) {
-            pinc_note(e, i, 1);
+            pinc_note_reacquired(e, i);
             rejected--;
         }
     }

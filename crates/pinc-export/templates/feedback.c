@@ -150,18 +150,30 @@ static int pinc_passes(PINC_REAL innovation, PINC_REAL variance)
 /* Takes note of whether the reading of quantity i passed. */
 static void pinc_note(pinc_estimator *e, int i, int passed)
 {
+    const int most = PINC_PATIENCE_OF_GATE * (PINC_DOUBLINGS + 2);
+    const int in_vain = e->reacquired[i];
+    e->reacquired[i] = 0;
     e->rejections[i] = (passed != 0) ? 0 : (e->rejections[i] + 1);
-    if (e->rejections[i] > (PINC_PATIENCE_OF_GATE * (PINC_DOUBLINGS + 2))) {
+    if (e->rejections[i] > most) {
         e->rejections[i] -= PINC_PATIENCE_OF_GATE;
     }
     if (passed != 0) {
         e->doubt[i] -= (e->doubt[i] > 0) ? 1 : 0;
+    } else if (e->doubt[i] == most) {
+        /* The widest covariance stays due as often as the others. */
+        e->doubt[i] -= PINC_PATIENCE_OF_GATE - 1;
     } else {
-        e->doubt[i]++;
-        if (e->doubt[i] > (PINC_PATIENCE_OF_GATE * (PINC_DOUBLINGS + 2))) {
-            e->doubt[i] -= PINC_PATIENCE_OF_GATE;
-        }
+        e->doubt[i] += 1 + ((in_vain != 0) ? PINC_PATIENCE_OF_GATE : 0);
+        e->doubt[i] = (e->doubt[i] < most) ? e->doubt[i] : most;
     }
+}
+
+/* Takes note that the rejected reading of quantity i passed with a widened covariance: if the next
+   one is rejected too, it is widened further at once. */
+static void pinc_note_reacquired(pinc_estimator *e, int i)
+{
+    pinc_note(e, i, 1);
+    e->reacquired[i] = 1;
 }
 
 /* How often the standard deviations are doubled to judge quantity i again, whose last reading was

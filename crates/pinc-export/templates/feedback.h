@@ -43,9 +43,11 @@ typedef struct {
         the last one was used. */
     int rejections[PINC_NM];
 
-    /* The rest is private: how many more rejections than passes each quantity has had, the input
-       that acted last, whether the covariance was widened, and memory. */
+    /* The rest is private: how many more rejections than passes each quantity has had, whether its
+       last reading passed with a widened covariance only, the input that acted last, whether the
+       covariance was widened, and memory. */
     int doubt[PINC_NM];
+    int reacquired[PINC_NM];
     PINC_REAL u[PINC_NU];
     int widened;
 @MEMORY@} pinc_estimator;

@@ -250,7 +250,7 @@ static int pinc_admit_widely(pinc_estimator *e, const PINC_REAL *y, int doubling
     for (k = 0; k < e->count; k++) {
         const int i = e->present[k];
         if ((e->rejections[i] > 0) && (pinc_reading_passes(e, y, i) != 0)) {
-            pinc_note(e, i, 1);
+            pinc_note_reacquired(e, i);
             passed++;
         }
     }

@@ -1,5 +1,6 @@
 //! Wild, stuck and jumping readings.
 
+use super::filters::Linear;
 use super::support::{Case, oscillator, tanks};
 use pinc_estimate::{
     Augmentation, Augmented, Disturbance, Ekf, Estimator, EstimatorStatus, Gate, Measured, Mhe,
@@ -279,4 +280,56 @@ fn no_prediction_leaves_more_than_the_range() {
     let most = wide.most_variance();
     assert!((most[0] - 9.0).abs() < 1e-12 && (most[1] - 16.0).abs() < 1e-12, "{most:?}");
     assert!(most[2].is_infinite());
+}
+
+/// A sound sensor and a model that is right, but an estimate that begins far off and is sure of
+/// itself: a reading that passes with a wider covariance moves the measured state alone, and the next
+/// one is rejected again, until the covariance is wide enough for what is not measured, a disturbance
+/// among it. Then the estimate is right within a few steps, in all estimators.
+#[test]
+fn an_estimate_that_is_sure_of_a_wrong_state_is_given_up_in_a_dozen_steps() {
+    let plant = Linear {
+        a: [[0.82, 0.3], [0.0, 0.67]],
+        b: [0.06, 0.33],
+        c: [[1.0, 0.0], [0.0, 1.0]],
+        d: [0.0; 2],
+    };
+    let load = Augmentation {
+        disturbance: Disturbance::Input,
+        ..Augmentation::measured(Measured::states([0]))
+    };
+    for sd in [1e-2, 1e-3] {
+        let tuning = Tuning {
+            initial_estimate: vec![2.0, 0.0, 0.0],
+            initial_sd: vec![sd, sd, 0.3],
+            process_sd: vec![0.01, 0.01, 0.05],
+            measurement_sd: vec![0.01],
+            range: vec![6.0; 2],
+            ..Tuning::default()
+        };
+        let model = || Box::new(Augmented::new(Box::new(plant.clone()), load.clone()).unwrap());
+        let estimators: [Box<dyn Estimator>; 3] = [
+            Box::new(Ekf::new(model(), tuning.clone()).unwrap()),
+            Box::new(Ukf::new(model(), tuning.clone()).unwrap()),
+            Box::new(Mhe::new(model(), tuning.clone(), 5).unwrap()),
+        ];
+        for mut filter in estimators {
+            let (mut x, mut reacquired) = ([0.0; 2], 0);
+            for k in 0..40_u32 {
+                let u = [f64::from(k / 10 % 2)];
+                let status = filter.correct(&x[..1]).status;
+                reacquired += u32::from(status == EstimatorStatus::Reacquired);
+                if k >= 16 {
+                    let off = filter.estimate().iter().zip([x[0], x[1], 0.0]);
+                    let off = off.fold(0.0, |most: f64, (z, x)| most.max((z - x).abs()));
+                    assert!(off < 0.05, "{sd}, step {k}: {off} {:?}", filter.estimate());
+                }
+                filter.predict(&u);
+                let mut next = [0.0; 2];
+                plant.clone().step(&x, &u, &[], &mut next);
+                x = next;
+            }
+            assert!((2..=8).contains(&reacquired), "{sd}: {reacquired}");
+        }
+    }
 }

@@ -236,8 +236,9 @@ fn compare(filter: Filter, parts: &Parts) -> usize {
     }
     // For the unscented filter see above, for numbers up to 20 and models that are off by 4 ulps:
     // 2e-8. After its covariance was widened, gains of what is not measured are up to 5; the
-    // controllers' gains are up to 4, and what these differ by comes back into the estimates.
-    let allowed = if filter == Filter::Unscented { [4e-7, 2e-7] } else { [1e-8; 2] };
+    // controllers' gains are up to 4, and what these differ by comes back into the estimates. Where
+    // it is widened again at once, both add up.
+    let allowed = if filter == Filter::Unscented { [8e-7, 4e-7] } else { [1e-8; 2] };
     assert!(worst[0] < allowed[0] && worst[1] < allowed[1], "inputs, estimates: {worst:?}");
     assert!(missing > steps / 100, "{missing} steps without a measurement");
     assert!(rejected > 3 && reacquired > 0, "{rejected} rejected, {reacquired} reacquired");
