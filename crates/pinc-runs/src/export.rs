@@ -410,6 +410,19 @@ fn write(
 ) -> Result<PathBuf, RunError> {
     let default = || Path::new("exports").join(format!("{}-{}", name.as_str(), to.name()));
     let dir = out.map_or_else(default, Path::to_owned);
+    // Where an earlier export of the name is, its files are replaced; a user's own are not.
+    let is_own = |file: &&GeneratedFile| file.path.contains(name.as_str());
+    if !files.iter().filter(is_own).any(|file| dir.join(&file.path).exists())
+        && let Some(other) =
+            files.iter().map(|file| dir.join(&file.path)).find(|path| path.exists())
+    {
+        let problem = format!(
+            "the export would replace this file, which is not of an earlier export of {}; choose \
+             another directory with --out",
+            name.as_str()
+        );
+        return Err(RunError::usage(other.display(), problem));
+    }
     for file in files {
         let path = dir.join(&file.path);
         if let Some(parent) = path.parent() {

@@ -322,3 +322,28 @@ fn all_targets_are_written() {
     let arguments = ["c", config, "--only", "pinc", "--model", model, "--set", outside];
     export(&arguments).assert_refused(&["control.outside_domain", "`pinc serve`"]);
 }
+
+/// An export into a directory with files of one's own of these names leaves them alone; it replaces
+/// those of an earlier one.
+#[test]
+fn an_export_replaces_no_file_but_its_own() {
+    let dir = tempfile::tempdir().unwrap();
+    let config = repository("configs/smoke/rk4-only.toml");
+    let export = |name: &str| {
+        let mut command = pinc(&["export", "--to", "c", "--name", name, "--out"]);
+        outcome(command.arg(dir.path()).arg(&config))
+    };
+    for own in ["README.md", "Makefile", "CMakeLists.txt"] {
+        let path = dir.path().join(own);
+        fs::write(&path, "my own").unwrap();
+        export("tank").assert_refused(&[own, "not of an earlier export of tank", "--out"]);
+        assert_eq!(fs::read_to_string(&path).unwrap(), "my own");
+        assert_eq!(fs::read_dir(dir.path()).unwrap().count(), 1);
+        fs::remove_file(&path).unwrap();
+    }
+    for _ in 0..2 {
+        let found = export("tank");
+        assert_eq!(found.code, Some(0), "{found:?}");
+    }
+    export("other").assert_refused(&["not of an earlier export of other"]);
+}
