@@ -1,7 +1,7 @@
 //! The gradient of a closed loop's cost, by adjoints through controller and plant.
 
 use crate::NmpcBatch;
-use crate::rows::{Rows, count};
+use crate::rows::{Rows, applied_before, count};
 use crate::share::share;
 use pinc_mpc::{MpcError, Nmpc, Reference, Tracked};
 use pinc_ode::{Linearization, LinearizationBuffer, Model, OutputLinearization, Stages};
@@ -71,8 +71,8 @@ impl NmpcBatch {
     ///
     /// # Errors
     ///
-    /// [`MpcError`] if a list is of the wrong length or a number not finite, the plant has other
-    /// sizes, or the controller's problem has a delay, which the gradient does not cover.
+    /// [`MpcError`] if a list is of the wrong length or a number not finite, no allowed move leads from
+    /// an input before to the inputs' bounds, the plant has other sizes, or the controller's problem has a delay, which the gradient does not cover.
     pub fn loop_gradients(
         &mut self,
         given: GradientLoops<'_>,
@@ -100,7 +100,7 @@ impl NmpcBatch {
             return Err(MpcError::Length { field: "references", expected, found });
         }
         let x = Rows::new("x", given.x, dims.nx, loops)?;
-        let u_before = Rows::new("u_before", given.u_before, dims.nu, loops)?;
+        let u_before = applied_before(nmpc, given.u_before, dims.nu, loops)?;
         let p = Rows::new("parameters", given.parameters, plant.np, loops)?;
         let found = share(&mut self.workers, loops, self.interrupted, |nmpc, k| {
             let reference = &given.references[k % given.references.len()];

@@ -1,7 +1,7 @@
 //! One controller, many closed loops.
 
 use crate::NmpcBatch;
-use crate::rows::{Rows, count};
+use crate::rows::{Rows, applied_before, count};
 use crate::share::share;
 use pinc_loop::ClosedLoop;
 use pinc_mpc::{MpcError, Nmpc, Reference, SqpStatus};
@@ -47,13 +47,13 @@ impl NmpcBatch {
     ///
     /// # Errors
     ///
-    /// [`MpcError`] if a list is of the wrong length, or states, references and plants do not suit
-    /// the controller. A plant that cannot be integrated ends its own loop only.
+    /// [`MpcError`] if a list is of the wrong length, or states, references, inputs before and plants
+    /// do not suit the controller. A plant that cannot be integrated ends its own loop only.
     pub fn loops(&mut self, given: Loops<'_>) -> Result<Vec<LoopTrace>, MpcError> {
         let dims = self.nmpc().model().dims();
         let loops = count("x", given.x, dims.nx)?;
         let x = Rows::new("x", given.x, dims.nx, loops)?;
-        let u_before = Rows::new("u_before", given.u_before, dims.nu, loops)?;
+        let u_before = applied_before(self.nmpc(), given.u_before, dims.nu, loops)?;
         for (field, found) in
             [("references", given.references.len()), ("plants", given.plants.len())]
         {

@@ -1,6 +1,10 @@
 //! Rows of numbers, one per item or one for all.
 
-use pinc_mpc::MpcError;
+use pinc_mpc::{MpcError, Nmpc, check_finite};
+
+/// How far beyond what is allowed an input applied before may be, relative to 1 + |limit|: what is
+/// left of it on its way through other number formats.
+const ROUNDED_INPUT: f64 = 1e-6;
 
 /// Rows of `width` numbers: as many as there are items, or one for all of them.
 #[derive(Clone, Copy, Debug)]
@@ -30,6 +34,36 @@ impl<'a> Rows<'a> {
         let first = if self.shared { 0 } else { item * self.width };
         &self.values[first..first + self.width]
     }
+}
+
+/// The inputs applied before, in rows of m, or of all that is under way. As of a config, a move within
+/// its bounds leads from the last ones to the inputs' bounds:
+///
+/// ```text
+/// low - most <= u_before <= high - least,   least <= u - u_before <= most,   low <= u <= high
+/// ```
+pub(crate) fn applied_before<'a>(
+    nmpc: &Nmpc,
+    values: &'a [f64],
+    width: usize,
+    items: usize,
+) -> Result<Rows<'a>, MpcError> {
+    let field = "u_before";
+    let rows = Rows::new(field, values, width, items)?;
+    check_finite(field, values, values.len())?;
+    let (problem, m) = (nmpc.problem(), nmpc.model().dims().nu);
+    let (inputs, moves) = (&problem.input_bounds, &problem.increment_bounds);
+    for (index, &value) in values.iter().enumerate() {
+        let i = index % m;
+        let (least, most) = (inputs.low[i] - moves.high[i], inputs.high[i] - moves.low[i]);
+        let beyond = (least - value).max(value - most);
+        let limit = if value < least { least } else { most };
+        if index % width >= width - m && beyond > ROUNDED_INPUT * (1.0 + limit.abs()) {
+            let expected = "where a move within its bounds leads to those of the input";
+            return Err(MpcError::Number { field, index, expected, value });
+        }
+    }
+    Ok(rows)
 }
 
 /// How many rows of `width` numbers there are.

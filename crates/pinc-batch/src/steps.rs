@@ -1,7 +1,7 @@
 //! One controller, many control steps.
 
 use crate::delay::add_prediction;
-use crate::rows::{Rows, count};
+use crate::rows::{Rows, applied_before, count};
 use crate::share::{share, threads};
 use pinc_mpc::{MpcError, Nmpc, SqpStatus};
 use pinc_sensitivity::{ProblemDerivative, Regularity, Sensitivity};
@@ -111,8 +111,8 @@ impl NmpcBatch {
     ///
     /// # Errors
     ///
-    /// [`MpcError`] if a list is of the wrong length, or a number of references, inputs or
-    /// parameters is not finite.
+    /// [`MpcError`] if a list is of the wrong length, a number of references, inputs or parameters is
+    /// not finite, or no allowed move leads from an input before to the inputs' bounds.
     pub fn steps(&mut self, at: Situations<'_>) -> Result<StepBatch, MpcError> {
         let at = self.check(at)?;
         let steps =
@@ -185,8 +185,8 @@ impl NmpcBatch {
             steps,
             x: Rows::new("x", at.x, dims.nx, steps)?,
             reference: Rows::new("reference", at.reference, window, steps)?,
-            u_before: Rows::new(
-                "u_before",
+            u_before: applied_before(
+                nmpc,
                 at.u_before,
                 if is_queue { queue } else { dims.nu },
                 steps,

@@ -292,13 +292,72 @@ fn lists_of_the_wrong_length_are_named() {
     ] {
         assert_eq!(batch.steps(at).unwrap_err().to_string(), message);
     }
-    let nan = [f64::NAN, 1.0];
-    assert!(batch.steps(Situations { u_before: &nan, ..at }).is_err());
     let none = Situations { x: &[], ..at };
     assert!(batch.steps(none).unwrap().u.is_empty());
 }
 
 /// A controller of the oscillator with these weights, a softened bound, and a terminal weight.
+/// Inputs within 0 and 4, with moves from -2 to 1; they act after `delay` steps.
+fn moving(delay: usize) -> Result<Nmpc, MpcError> {
+    let model = Rk4::new(VanDerPol::default(), 0.5, 4);
+    let problem = NmpcProblem {
+        delay,
+        input_bounds: Bounds::new(vec![0.0], vec![4.0]),
+        increment_bounds: Bounds::new(vec![-2.0], vec![1.0]),
+        ..NmpcProblem::new(model.dims(), 4, Weights::uniform(vec![2.0; 2], vec![0.5]))
+    };
+    Nmpc::new(problem, Box::new(model), SqpConfig::default())
+}
+
+/// An allowed move leads from what was applied to the inputs' bounds, up to rounding.
+#[test]
+fn inputs_before_lead_to_their_bounds() {
+    fn at(u_before: &[f64]) -> Situations<'_> {
+        Situations { x: &[0.7; 6], reference: &[0.3; 8], u_before, parameters: &[] }
+    }
+    let mut batch = NmpcBatch::new(1, || moving(0)).unwrap();
+    let model = || Box::new(Rk4::new(VanDerPol::default(), 0.5, 4)) as Box<dyn Model>;
+    let references = [Reference::new(vec![0.3; 8], 2).unwrap()];
+    let plants = [AccurateIntegrator::new(VanDerPol::default(), 1e-9).into()];
+    let mut refusals = |u_before: &[f64]| {
+        let references = &references;
+        let loops = Loops { x: &[0.7; 6], references, plants: &plants, u_before, preview: true };
+        let differentiated = GradientLoops {
+            x: &[0.7; 6],
+            references,
+            u_before,
+            parameters: &[],
+            cost: LoopCost { errors: &[1.0; 2], increments: &[1.0], violations: &[1.0; 2] },
+            smoothing: None,
+            preview: true,
+        };
+        [
+            batch.steps(at(u_before)).err(),
+            batch.gradients(at(u_before), &[1.0], None).err(),
+            batch.loops(loops).err(),
+            batch.loop_gradients(differentiated, model).err(),
+        ]
+        .map(|error| error.map(|error| error.to_string()))
+    };
+    let expected = "must be where a move within its bounds leads to those of the input";
+    for (u_before, message) in [
+        (&[9.0][..], format!("u_before[0] is 9, but {expected}")),
+        (&[0.0, 6.1, 2.0], format!("u_before[1] is 6.1, but {expected}")),
+        (&[0.0, 2.0, -1.1], format!("u_before[2] is -1.1, but {expected}")),
+        (&[f64::NAN], "u_before[0] is NaN, but must be finite".to_owned()),
+    ] {
+        assert_eq!(refusals(u_before), [(); 4].map(|()| Some(message.clone())));
+    }
+    for reached in [&[6.0_f64][..], &[-1.0], &[6.0 + 1e-7, 2.0, -1.0]] {
+        assert_eq!(refusals(reached), [const { None }; 4], "{reached:?}");
+    }
+    // With a delay it is the last one under way from which the next one moves.
+    let mut delayed = NmpcBatch::new(1, || moving(2)).unwrap();
+    assert!(delayed.steps(Situations { x: &[0.7; 2], ..at(&[9.0, 2.0]) }).is_ok());
+    let error = delayed.steps(Situations { x: &[0.7; 2], ..at(&[2.0, 9.0]) }).unwrap_err();
+    assert_eq!(error.to_string(), format!("u_before[1] is 9, but {expected}"));
+}
+
 fn tuned(q: [f64; 2], r: f64, terminal: f64, penalty: f64) -> Result<Nmpc, MpcError> {
     let model = Rk4::new(VanDerPol::default(), 0.5, 4);
     let weights = Weights::uniform(q.to_vec(), vec![r]).with_terminal(vec![terminal, 1.0]);

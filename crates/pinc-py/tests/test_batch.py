@@ -45,6 +45,25 @@ def test_a_batch_takes_the_steps_of_one_controller(smoke: Path, batch: pinc.Nmpc
     assert np.array_equal(batch.steps(x, whole, before).u, steps.u)
 
 
+def test_inputs_before_lead_to_their_bounds(smoke: Path) -> None:
+    moves = {"control.increment_low": [-0.5], "control.increment_high": [0.5]}
+    batch = pinc.NmpcBatch(smoke, only="rk4", overrides=moves, threads=1)
+    x, reference, references = states(2), [0.0, 0.0], np.zeros((3, 2))
+    for u_before, message in (
+        ([1.6], r"u_before\[0\] is 1.6, but must be where a move within its bounds leads"),
+        ([[0.0], [-1.7]], r"u_before\[1\] is -1.7, but must be where a move"),
+        ([np.nan], r"u_before\[0\] is NaN, but must be finite"),
+    ):
+        with pytest.raises(pinc.InputError, match=message):
+            batch.steps(x, reference, u_before)
+        with pytest.raises(pinc.InputError, match=message):
+            batch.gradients(x, reference, [1.0], u_before)
+        with pytest.raises(pinc.InputError, match=message):
+            batch.loops(x, references, u_before)
+    far = batch.steps(x, reference, np.float32([1.5]))
+    assert (far.u >= 1.0 - 1e-6).all()
+
+
 def test_gradients_match_differences(smoke: Path, batch: pinc.NmpcBatch) -> None:
     x, reference, before = states(20), np.array([0.1, 0.0]), np.array([0.05])
     found = batch.gradients(x, reference, [1.0], before)
