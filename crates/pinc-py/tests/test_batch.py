@@ -271,6 +271,15 @@ def test_parameters_are_those_of_a_step(smoke: Path) -> None:
     assert pinc.NmpcBatch(smoke, only="rk4").parameters == []
 
 
+def test_a_plan_to_a_target_has_no_derivatives() -> None:
+    controller = pinc.Nmpc(FAMILY.parents[1] / "estimation" / "targets.toml", only="rk4")
+    assert controller.step([12.3, 12.6]).status == "converged"
+    with pytest.raises(pinc.InputError, match="`control.target`"):
+        controller.adjoint([1.0, 0.0])
+    with pytest.raises(pinc.InputError, match="`control.target`"):
+        controller.sensitivity({"applied_input": [0.1, 0.0]})
+
+
 def test_gradients_in_references_have_their_shape(smoke: Path, batch: pinc.NmpcBatch) -> None:
     found = batch.gradients(states(3), [0.1, 0.0], [1.0]).values["reference"]
     assert found.shape == (3, batch.horizon, 2)

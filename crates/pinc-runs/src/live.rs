@@ -229,13 +229,18 @@ impl LiveController {
     ///
     /// # Errors
     ///
-    /// [`RunError`] if `smoothing` is not positive, inputs are whole numbers, or the next step has been
-    /// prepared.
+    /// [`RunError`] if `smoothing` is not positive, inputs are whole numbers, the next step has been
+    /// prepared, or the config has `control.target`: how the target moves is not differentiated.
     pub fn sensitivity(&mut self, smoothing: Option<f64>) -> Result<Sensitivity<'_>, RunError> {
         if self.made.is_some() {
             let problem = "a controller that has prepared its next step, as with control.sqp.real_time, \
                            cannot differentiate the last; use a batch";
             return Err(RunError::usage("the plan", problem));
+        }
+        if self.spec.target {
+            let problem =
+                "true given, expected false for derivatives: how the target moves is left out";
+            return Err(RunError::usage("`control.target`", problem));
         }
         Ok(Sensitivity::new(&mut self.nmpc, &self.window, &self.before, smoothing)?)
     }

@@ -212,6 +212,18 @@ fn the_first_reading_is_under_the_initial_input() {
     }
 }
 
+/// The target moves with the references and the estimate; derivatives would leave that out.
+#[test]
+fn a_plan_to_a_target_has_no_derivatives() {
+    for target in [false, true] {
+        let experiment = experiment(READ, &[&format!("control.target={target}")]);
+        let mut live = LiveController::new(&experiment, None, None, "it").unwrap();
+        live.step(&[3.5], Follow::Config, None).unwrap();
+        let refused = live.sensitivity(None).err().map(|error| error.to_string());
+        assert_eq!(refused.is_some_and(|error| error.contains("`control.target`")), target);
+    }
+}
+
 /// Without an initial input the first row of recorded data is read under its own.
 #[test]
 fn the_first_row_of_recorded_data_is_read_under_the_input_before_it() {
