@@ -98,6 +98,7 @@ def test_what_an_environment_does_not_have_is_refused(smoke: Path) -> None:
     for key, value in (
         ("bound_schedule", [{"start_s": 1.0, "input_high": {"u": 0.5}}]),
         ("delay_steps", 2),
+        ("input_differences", [{"between": [0, -1], "weight": [2.5]}]),
         ("integer", ["u"]),
         ("loads", [{"start_s": 0.0, "rates": {"x1": 0.1}}]),
         ("measured_parameters", ["mu"]),

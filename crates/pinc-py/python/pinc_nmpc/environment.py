@@ -81,7 +81,15 @@ class LoopEnv(gymnasium.Env[_Array, _Array]):
             raise InputError("the config has no section [control], which an environment needs")
         if "cost" in control:
             raise InputError("control.cost: an environment has the costs q and r")
-        refused = ("bound_schedule", "delay_steps", "integer", "loads", "measured_parameters", "plant_schedule")
+        refused = (
+            "bound_schedule",
+            "delay_steps",
+            "input_differences",
+            "integer",
+            "loads",
+            "measured_parameters",
+            "plant_schedule",
+        )
         for key in refused:
             if control.get(key):
                 raise InputError(f"control.{key}: given, but an environment has none")
