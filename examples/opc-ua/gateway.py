@@ -8,8 +8,9 @@ is `pinc serve`.
 The second argument is the id of a node, with `{name}` for the names of measurements, of inputs, and of
 references with `_ref` behind them. Every sample the gateway reads, asks for a step and writes the inputs.
 A node that cannot be read, or whose quality is bad, is a missing measurement; a reference that is missing
-is the config's. When the controller or the server is gone the gateway ends, and the plant's own
-supervision has to take over: watch the node `{name}` = `heartbeat`, which counts the samples.
+is the config's. A late sample is taken at once; those before it that a stall has missed are skipped. When
+the controller or the server is gone the gateway ends, and the plant's own supervision has to take over:
+watch the node `{name}` = `heartbeat`, which counts the samples.
 """
 
 import asyncio
@@ -48,6 +49,13 @@ async def write(node, value, kind=ua.VariantType.Double):
     await node.write_value(ua.DataValue(ua.Variant(value, kind)))
 
 
+def following(due, step_s, now):
+    """When the sample after the one at `due` is due, and how many before it have been missed."""
+    due += step_s
+    missed = max(0, math.floor((now - due) / step_s))
+    return due + missed * step_s, missed
+
+
 async def run(url, pattern, address, steps=None):
     """Steers until the controller or the server is gone, or for a number of steps."""
     host, port = address.rsplit(":", 1)
@@ -73,7 +81,9 @@ async def run(url, pattern, address, steps=None):
             await write(heartbeat, count, ua.VariantType.Int64)
             if answer["status"] != "converged":
                 print(f"sample {count}: {answer['status']}", file=sys.stderr)
-            due += about["sample_time_s"]
+            due, missed = following(due, about["sample_time_s"], clock.time())
+            if missed > 0:
+                print(f"sample {count}: {missed} missed after it", file=sys.stderr)
             await asyncio.sleep(max(0.0, due - clock.time()))
     controller.writer.close()
 

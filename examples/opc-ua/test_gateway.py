@@ -46,6 +46,12 @@ async def plant(server, nodes, missing):
         await asyncio.sleep(0.01)
 
 
+def check_that_missed_samples_are_skipped():
+    assert gateway.following(4.0, 0.5, 4.125) == (4.5, 0)
+    assert gateway.following(4.0, 0.5, 4.75) == (4.5, 0), "a late one is taken at once"
+    assert gateway.following(4.0, 0.5, 9.25) == (9.0, 9)
+
+
 async def main(pinc):
     process, address = serve(pinc)
     server = Server()
@@ -71,4 +77,5 @@ async def main(pinc):
     assert abs(x1 + 0.5) < 0.05, x1
 
 
+check_that_missed_samples_are_skipped()
 asyncio.run(main(sys.argv[1]))
