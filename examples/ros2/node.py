@@ -14,10 +14,13 @@ It needs rclpy and std_msgs, from an installation of ROS 2 or from the Python in
 | /pinc/status | std_msgs/String | out, every sample |
 
 Every sample it takes the newest measurement since the last sample; without one, all measurements count as
-missing. When the controller is gone the node ends, and the plant's own supervision has to take over.
+missing, and so does a number that is not finite. A measurement of another length, and a reference that is
+not finite or of another length, are logged and skipped. When the controller is gone the node ends, and the
+plant's own supervision has to take over.
 """
 
 import json
+import math
 import socket
 import sys
 
@@ -37,6 +40,7 @@ class Controller(Node):
         self.line = connection.makefile("rw")
         about = self.ask(command="describe")
         self.missing = [None] * len(about["measured"])
+        self.controlled = len(about["controlled"])
         self.measured, self.targets, self.samples = self.missing, {}, 0
         self.create_subscription(Float64MultiArray, "pinc/measurement", self.measure, 1)
         self.create_subscription(Float64MultiArray, "pinc/reference", self.refer, 1)
@@ -53,10 +57,17 @@ class Controller(Node):
         return answer
 
     def measure(self, message):
-        self.measured = list(message.data)
+        if len(message.data) != len(self.missing):
+            return self.skip("measurement", message, f"{len(self.missing)} numbers")
+        self.measured = [value if math.isfinite(value) else None for value in message.data]
 
     def refer(self, message):
+        if len(message.data) != self.controlled or not all(map(math.isfinite, message.data)):
+            return self.skip("reference", message, f"{self.controlled} finite numbers")
         self.targets = {"reference": list(message.data)}
+
+    def skip(self, topic, message, expected):
+        self.get_logger().warning(f"{topic}: {list(message.data)} skipped, expected {expected}")
 
     def sample(self):
         answer = self.ask(y=self.measured, **self.targets)

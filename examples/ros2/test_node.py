@@ -5,6 +5,7 @@
 """
 
 import json
+import math
 import os
 import subprocess
 import sys
@@ -36,7 +37,8 @@ def serve(pinc):
 
 
 class Oscillator(rclpy.node.Node):
-    """The oscillator in steps of 1 ms; for a quarter of a second nothing is measured."""
+    """The oscillator in steps of 1 ms; for a quarter of a second nothing is measured. One message in ten
+    cannot be used."""
 
     def __init__(self):
         super().__init__("oscillator")
@@ -46,6 +48,7 @@ class Oscillator(rclpy.node.Node):
         self.create_subscription(String, "pinc/status", self.count, 1)
         self.measurement = self.create_publisher(Float64MultiArray, "pinc/measurement", 1)
         self.target = self.create_publisher(Float64MultiArray, "pinc/reference", 1)
+        self.moves = 0
         self.create_timer(0.01, self.move)
 
     def act(self, message):
@@ -59,9 +62,14 @@ class Oscillator(rclpy.node.Node):
             x1, x2 = self.x1, self.x2
             self.x1, self.x2 = x1 + 1e-3 * x2, x2 + 1e-3 * ((1 - x1**2) * x2 - x1 + self.u)
             self.elapsed += 1
-        self.target.publish(Float64MultiArray(data=[-0.5, 0.0]))
+        self.moves += 1
+        reference, measurement = [-0.5, 0.0], [self.x1, self.x2]
+        if self.moves % 10 == 0:
+            reference = ([math.nan, 0.0], [], [1.0])[self.moves // 10 % 3]
+            measurement = ([self.x1, self.x2, 5.0], [])[self.moves // 10 % 2]
+        self.target.publish(Float64MultiArray(data=reference))
         if not 2000 < self.elapsed < 2250:
-            self.measurement.publish(Float64MultiArray(data=[self.x1, self.x2]))
+            self.measurement.publish(Float64MultiArray(data=measurement))
 
 
 def main(pinc):
