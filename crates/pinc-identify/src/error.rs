@@ -64,6 +64,9 @@ pub enum IdentifyError {
         /// The first one.
         recording: usize,
     },
+    /// A fit that was asked to stop.
+    #[error("interrupted")]
+    Interrupted,
 }
 
 /// The numbers of a recording for a model of dimensions `dims`.

@@ -144,7 +144,7 @@ impl<'a> Fit<'a> {
         problem: &Problem,
         with: &mut Evaluation<'_>,
     ) {
-        while !self.ended && self.iterations < iterations {
+        while !self.ended && self.iterations < iterations && !with.is_interrupted() {
             self.iterations += 1;
             with.work.iterations += 1;
             if !self.linearize(problem, with) {

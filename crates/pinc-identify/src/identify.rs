@@ -48,11 +48,23 @@ pub fn identify(
     problem: &Problem,
     recordings: &[Recording<'_>],
 ) -> Result<Identified, IdentifyError> {
-    let mut with = Evaluation::new(model);
+    from_own_start(Evaluation::new(model), problem, recordings)
+}
+
+/// [`identify`], which may be interrupted.
+pub(crate) fn from_own_start(
+    mut with: Evaluation<'_>,
+    problem: &Problem,
+    recordings: &[Recording<'_>],
+) -> Result<Identified, IdentifyError> {
     let problem = &*checked(problem, recordings, &mut with)?;
     let begun = Begun::at(problem.start(), problem, recordings, &mut with);
     let start = begun.start.clone();
-    let (fit, method) = begun.finish(problem, recordings, &mut with)?;
+    let finished = begun.finish(problem, recordings, &mut with);
+    if with.is_interrupted() {
+        return Err(IdentifyError::Interrupted);
+    }
+    let (fit, method) = finished?;
     let starts = vec![Start::of(problem, &fit)];
     Ok(Identified::of(problem, (fit, method), starts, &start, &mut with))
 }
@@ -257,6 +269,9 @@ fn multiple<'a>(
         recordings.iter().map(|&recording| guess(problem, recording, p, with)).collect();
     let mut p = p.to_vec();
     loop {
+        if with.is_interrupted() {
+            return Err(IdentifyError::Interrupted);
+        }
         match apart(problem, recordings, (&mut states, &mut p), length, with) {
             Err(error) if length <= 2 => return Err(error),
             Err(_) => (longest, length) = ((length / 2).max(2), 2),

@@ -1,14 +1,15 @@
 //! A fit from several starts.
 
 use crate::fit::{Fit, FitStatus};
-use crate::identify::{Begun, checked, identify};
+use crate::identify::{Begun, checked, from_own_start};
 use crate::method::Method;
 use crate::problem::{Problem, Recording, Unknown};
 use crate::result::Identified;
-use crate::trajectory::{Evaluation, Work};
+use crate::trajectory::{Evaluation, Work, is_set};
 use crate::{IdentifyError, points};
 use pinc_ode::Model;
 use std::sync::Mutex;
+use std::sync::atomic::AtomicBool;
 
 /// The starts of a fit whose parameters all have bounds.
 const STARTS: usize = 16;
@@ -27,19 +28,21 @@ impl Problem {
 }
 
 /// How a fit uses its starts.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Starts {
+#[derive(Clone, Copy, Debug)]
+pub struct Starts<'a> {
     /// What scrambles the points.
     pub seed: u64,
     /// How many of the best are fitted to the end, beside the problem's own start.
     pub finished: usize,
     /// The largest number of threads.
     pub threads: usize,
+    /// What ends the fit once it is set, with [`IdentifyError::Interrupted`].
+    pub interrupt: Option<&'a AtomicBool>,
 }
 
-impl Default for Starts {
+impl Default for Starts<'_> {
     fn default() -> Self {
-        Self { seed: 0, finished: 4, threads: 1 }
+        Self { seed: 0, finished: 4, threads: 1, interrupt: None }
     }
 }
 
@@ -85,7 +88,7 @@ struct Ended<'a> {
     work: Work,
 }
 
-/// Like [`identify`], from as many starts as there are `models`, which are copies of one model: the
+/// Like [`identify`](crate::identify()), from as many starts as there are `models`, which are copies of one model: the
 /// problem's own start, and points of a Sobol sequence within the bounds of the unknown parameters,
 /// scrambled by the seed. Parameters whose bounds are positive and at least tenfold apart are spread
 /// evenly in the logarithm; those with a prior within its standard deviation times root 3.
@@ -93,12 +96,12 @@ struct Ended<'a> {
 /// Each start has a short fit. The best few, and the problem's own start, are fitted to the end,
 /// and the best of these is returned; [`Identified::starts`] has them all. Fits run side by side on
 /// threads. The result does not depend on their number, and with one model it
-/// equals [`identify`]'s.
+/// equals that of `identify`.
 ///
 /// # Errors
 ///
-/// As [`identify`], and [`IdentifyError::NoBounds`] if there are several starts and a parameter has
-/// an infinite bound and no prior.
+/// As `identify`, [`IdentifyError::NoBounds`] if there are several starts and a parameter has an
+/// infinite bound and no prior, and [`IdentifyError::Interrupted`].
 ///
 /// # Panics
 ///
@@ -107,25 +110,30 @@ pub fn identify_from_starts(
     mut models: Vec<Box<dyn Model>>,
     problem: &Problem,
     recordings: &[Recording<'_>],
-    Starts { seed, finished, threads }: Starts,
+    with: Starts<'_>,
 ) -> Result<Identified, IdentifyError> {
     let starts = models.len();
     if starts == 1 {
-        return identify(&mut *models[0], problem, recordings);
+        return from_own_start(
+            Evaluation::new(&mut *models[0]).until(with.interrupt),
+            problem,
+            recordings,
+        );
     }
     let problem = &*checked(problem, recordings, &mut Evaluation::new(&mut *models[0]))?;
     if let Some(unknown) = problem.of_the_model().iter().find(|unknown| !unknown.is_bounded()) {
         return Err(IdentifyError::NoBounds { name: unknown.name.clone(), starts });
     }
     let tasks = models.into_iter().enumerate().collect();
-    let mut attempts = side_by_side(tasks, threads, |(i, model)| {
-        Attempt::at(start(problem, i, seed), model, problem, recordings)
-    });
+    let mut attempts = side_by_side(tasks, with, |(i, model)| {
+        Attempt::at(start(problem, i, with.seed), model, (problem, recordings), with.interrupt)
+    })?;
     let simulated = attempts[0].begun.start.clone();
     attempts[1..].sort_by(|a, b| a.cost.total_cmp(&b.cost));
-    let good = attempts[1..].iter().take(finished).filter(|of| of.cost.is_finite()).count();
+    let good = attempts[1..].iter().take(with.finished).filter(|of| of.cost.is_finite()).count();
     let aside = attempts.split_off(1 + good);
-    let mut ends = side_by_side(attempts, threads, |of| of.finish(problem, recordings));
+    let mut ends =
+        side_by_side(attempts, with, |of| of.finish(problem, recordings, with.interrupt))?;
     ends.extend(aside.into_iter().map(|of| of.set_aside(problem)));
     let work = ends.iter().fold(Work::default(), |sum, of| sum.plus(of.work));
     let best = match best(&ends) {
@@ -135,7 +143,7 @@ pub fn identify_from_starts(
     ends.sort_by(|a, b| a.start.cost.total_cmp(&b.start.cost));
     let starts = std::iter::once(best.start).chain(ends.into_iter().map(|of| of.start)).collect();
     let (mut model, fit, method) = best.fit.expect("the best start was fitted to the end");
-    let mut with = Evaluation::new(&mut *model);
+    let mut with = Evaluation::new(&mut *model).until(with.interrupt);
     with.work = work;
     Ok(Identified::of(problem, (fit, method), starts, &simulated, &mut with))
 }
@@ -156,10 +164,10 @@ impl<'a> Attempt<'a> {
     fn at(
         p: Vec<f64>,
         mut model: Box<dyn Model>,
-        problem: &Problem,
-        recordings: &[Recording<'a>],
+        (problem, recordings): (&Problem, &[Recording<'a>]),
+        interrupt: Option<&AtomicBool>,
     ) -> Self {
-        let mut with = Evaluation::new(&mut *model);
+        let mut with = Evaluation::new(&mut *model).until(interrupt);
         let mut begun = Begun::at(p, problem, recordings, &mut with);
         if begun.is_single(problem.criterion) {
             begun.fit.run_until(SHORT, problem, &mut with);
@@ -170,10 +178,15 @@ impl<'a> Attempt<'a> {
         Self { model, begun, cost, work }
     }
 
-    fn finish(self, problem: &Problem, recordings: &[Recording<'a>]) -> Ended<'a> {
+    fn finish(
+        self,
+        problem: &Problem,
+        recordings: &[Recording<'a>],
+        interrupt: Option<&AtomicBool>,
+    ) -> Ended<'a> {
         let Self { mut model, begun, work, .. } = self;
         let begin = Start::of(problem, &begun.fit);
-        let mut with = Evaluation::new(&mut *model);
+        let mut with = Evaluation::new(&mut *model).until(interrupt);
         with.work = work;
         let ended = begun.finish(problem, recordings, &mut with);
         let work = with.work;
@@ -215,12 +228,12 @@ impl Identified {
     }
 }
 
-/// What `work` makes of each task, in their order, on up to `threads` threads.
+/// What `work` makes of each task, in their order, side by side unless interrupted.
 fn side_by_side<T: Send, R: Send>(
     tasks: Vec<T>,
-    threads: usize,
+    Starts { threads, interrupt, .. }: Starts<'_>,
     work: impl Fn(T) -> R + Sync,
-) -> Vec<R> {
+) -> Result<Vec<R>, IdentifyError> {
     let count = tasks.len();
     let queue = Mutex::new(tasks.into_iter().enumerate());
     let results = Mutex::new(Vec::with_capacity(count));
@@ -229,14 +242,17 @@ fn side_by_side<T: Send, R: Send>(
             scope.spawn(|| {
                 // The queue is free again while the task is worked on.
                 let next = || queue.lock().expect("no thread panics here").next();
-                while let Some((place, task)) = next() {
+                while let Some((place, task)) = next().filter(|_| !is_set(interrupt)) {
                     let result = work(task);
                     results.lock().expect("no thread panics here").push((place, result));
                 }
             });
         }
     });
+    if is_set(interrupt) {
+        return Err(IdentifyError::Interrupted);
+    }
     let mut results = results.into_inner().expect("a panic has ended the scope");
     results.sort_by_key(|(place, _)| *place);
-    results.into_iter().map(|(_, result)| result).collect()
+    Ok(results.into_iter().map(|(_, result)| result).collect())
 }

@@ -3,6 +3,7 @@
 use crate::problem::{Problem, Recording};
 use pinc_estimate::Measured;
 use pinc_ode::{Dims, Model};
+use std::sync::atomic::{AtomicBool, Ordering};
 
 /// How often the model was evaluated.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -25,12 +26,18 @@ impl Work {
     }
 }
 
+pub(crate) fn is_set(interrupt: Option<&AtomicBool>) -> bool {
+    interrupt.is_some_and(|interrupt| interrupt.load(Ordering::Relaxed))
+}
+
 /// A model with the memory for one evaluation, and the count of these.
 #[derive(Debug)]
 pub(crate) struct Evaluation<'m> {
     pub(crate) model: &'m mut dyn Model,
     pub(crate) dims: Dims,
     pub(crate) work: Work,
+    /// What ends the fit once it is set.
+    interrupt: Option<&'m AtomicBool>,
     /// The outputs at one point.
     y: Vec<f64>,
     next: Vec<f64>,
@@ -57,7 +64,16 @@ impl<'m> Evaluation<'m> {
     pub(crate) fn new(model: &'m mut dyn Model) -> Self {
         let dims = model.dims();
         let (y, next) = (vec![0.0; dims.ny], vec![0.0; dims.nx]);
-        Self { model, dims, work: Work::default(), y, next, channels: Vec::new() }
+        Self { model, dims, work: Work::default(), interrupt: None, y, next, channels: Vec::new() }
+    }
+
+    /// The same, to be interrupted.
+    pub(crate) fn until(self, interrupt: Option<&'m AtomicBool>) -> Self {
+        Self { interrupt, ..self }
+    }
+
+    pub(crate) fn is_interrupted(&self) -> bool {
+        is_set(self.interrupt)
     }
 
     /// The measured quantities at one point, in the order of the channels.

@@ -5,7 +5,9 @@ use pinc_identify::{
     Diagnosis, FitStatus, Identified, IdentifyError, InitialState, Problem, Recording, Starts,
     identify, identify_from_starts,
 };
-use pinc_ode::{DynPlant, Integrator, Model};
+use pinc_ode::{Dims, DynPlant, Integrator, Linearization, Model, Stages};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 
 /// Two tanks in a row, of which the upper one has an overflow at `level`; the lower one is measured.
 fn cascade() -> Box<dyn DynPlant> {
@@ -160,6 +162,59 @@ fn the_result_does_not_depend_on_threads_but_on_the_seed() {
     };
     assert_eq!(starts(1, 1), starts(1, 3));
     assert_ne!(starts(1, 2), starts(2, 2));
+}
+
+/// A model that sets `interrupt` when it is linearized first.
+#[derive(Debug)]
+struct Interrupting {
+    model: Box<dyn Model>,
+    interrupt: Arc<AtomicBool>,
+    linearized: Arc<AtomicUsize>,
+}
+
+impl Model for Interrupting {
+    fn dims(&self) -> Dims {
+        self.model.dims()
+    }
+
+    fn sample_time_s(&self) -> f64 {
+        self.model.sample_time_s()
+    }
+
+    fn step(&mut self, x: &[f64], u: &[f64], p: &[f64], next: &mut [f64]) {
+        self.model.step(x, u, p, next);
+    }
+
+    fn linearize(&mut self, at: Stages<'_>, out: Linearization<'_>) {
+        self.interrupt.store(true, Ordering::Relaxed);
+        self.linearized.fetch_add(at.count(self.dims()), Ordering::Relaxed);
+        self.model.linearize(at, out);
+    }
+}
+
+/// A fit ends within the iteration in which it is interrupted, and no other start begins.
+#[test]
+fn an_interrupted_fit_ends() {
+    let plant = cascade();
+    let (u, y) = data(&*plant);
+    for (starts, sets) in [(1, true), (100, true), (3, false)] {
+        let interrupt = Arc::new(AtomicBool::new(false));
+        let linearized = Arc::new(AtomicUsize::new(0));
+        let copy = |model| -> Box<dyn Model> {
+            Box::new(Interrupting {
+                model,
+                interrupt: interrupt.clone(),
+                linearized: linearized.clone(),
+            })
+        };
+        let models = copies(&*plant, starts).into_iter().map(copy).collect();
+        let recording = Recording { name: "cascade", u: &u, y: &y };
+        let of = Starts { interrupt: sets.then_some(&*interrupt), ..Starts::default() };
+        let found = identify_from_starts(models, &from_level(&*plant, 8.0), &[recording], of);
+        let passes = linearized.load(Ordering::Relaxed) / 160;
+        assert_eq!(found.err(), sets.then_some(IdentifyError::Interrupted), "{starts}");
+        assert!(if sets { passes <= 2 } else { passes > 6 }, "{starts}: {passes}");
+    }
 }
 
 #[test]

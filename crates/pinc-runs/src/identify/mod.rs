@@ -106,9 +106,9 @@ pub fn identify(
     let recordings: Vec<_> = recorded.iter().map(Recorded::recording).collect();
     let clock = Instant::now();
     let threads = std::thread::available_parallelism().map_or(1, NonZero::get);
-    let with = Starts { seed: experiment.seed, threads, ..Starts::default() };
-    let finished = spec.finished_starts.unwrap_or(with.finished);
-    let with = Starts { finished, ..with };
+    let finished = spec.finished_starts.unwrap_or(Starts::default().finished);
+    let (seed, interrupt) = (experiment.seed, Some(options.interrupt));
+    let with = Starts { seed, finished, threads, interrupt };
     let fit = |problem: &Problem, starts: usize| {
         let models = (0..starts).map(|_| model()).collect::<Result<Vec<_>, _>>()?;
         let found = identify_from_starts(models, problem, &recordings, with);
@@ -385,6 +385,7 @@ fn in_file(error: IdentifyError, data: &[PathBuf]) -> RunError {
         IdentifyError::NotFinite { recording } | IdentifyError::TooShort { recording, .. } => {
             RunError::IdentifyFile { path: data[*recording].clone(), source: error }
         }
+        IdentifyError::Interrupted => RunError::Failed(error.to_string()),
         _ => RunError::Identify(error),
     }
 }

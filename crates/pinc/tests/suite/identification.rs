@@ -1,10 +1,13 @@
 //! `pinc identify`: recorded data to parameters, and what is said of data that are no good.
 
 use crate::common::{outcome, pinc, repository};
+use pinc_config::{Experiment, Plants};
+use pinc_runs::{Options, Verbosity};
 use serde_json::Value;
 use std::fmt::Write as _;
 use std::fs;
 use std::path::{Path, PathBuf};
+use std::sync::atomic::AtomicBool;
 
 const TANKS: &str = r#"
 name = "unknown"
@@ -125,6 +128,25 @@ fn recorded_data_give_the_plant() {
     let written = fs::read_to_string(&identified).unwrap();
     assert!(written.contains("# k1 = 3.20325"), "{written}");
     assert!(written.contains("k1 = 3.20325"), "{written}");
+}
+
+/// Ctrl-C ends the search, as other commands.
+#[test]
+fn an_interrupted_search_leaves_nothing() {
+    let dir = tempfile::tempdir().unwrap();
+    let out = dir.path().join("out");
+    let config = repository("configs/identification/tanks.toml");
+    let experiment = Experiment::load(&config, &[], &Plants::built_in()).unwrap();
+    let (verbosity, interrupt) = (Verbosity::Quiet, &AtomicBool::new(true));
+    let options = Options { resume: false, verbosity, interrupt, arguments: &[] };
+    for starts in [1, 500] {
+        let files = (&[recorded()][..], &[][..]);
+        let found =
+            pinc_runs::identify(&experiment, files, &out, &options, None, None, Some(starts));
+        let error = found.unwrap_err();
+        assert_eq!((error.to_string().as_str(), error.exit_code()), ("interrupted", 1));
+        assert!(!out.exists());
+    }
 }
 
 /// The noise of the sensors is the loop's where the section has none; pumps and valves have keys of
