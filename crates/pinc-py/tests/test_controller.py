@@ -99,6 +99,14 @@ def test_measured_parameters_match_the_step() -> None:
     assert np.array_equal(measured.step(y).u, nominal.u)
 
 
+def test_no_parameters_are_those_of_a_config_that_measures_none() -> None:
+    controller = pinc.Nmpc(TANKS, only="rk4")
+    assert controller.parameters != [] and controller.unknowns == controller.parameters
+    plain = controller.step([2.0, 2.0]).u
+    controller.reset()
+    assert np.array_equal(controller.step([2.0, 2.0], parameters=[]).u, plain)
+
+
 def test_reference_applied_input_and_reset_count(smoke: Path) -> None:
     controller = pinc.Nmpc(smoke, only="rk4")
 

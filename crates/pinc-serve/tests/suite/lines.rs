@@ -27,6 +27,26 @@ fn the_served_estimator_takes_what_is_missing_and_what_was_applied() {
     assert!(level(&applied) < level(&missing) - 0.1, "{applied} {missing}");
 }
 
+/// `describe` names no parameter here, and a line may say as much.
+#[test]
+fn a_line_may_have_no_parameters_where_none_are_measured() {
+    for config in ["estimation/tanks.toml", "four-tanks/control.toml"] {
+        let mut served = Served::new(config, &[]);
+        let about = served.ask(&json!({ "command": "describe" }));
+        assert_eq!(about["parameters"], json!([]), "{config}");
+        let y = if about["measured"].as_array().unwrap().len() == 2 {
+            &[2.0; 2][..]
+        } else {
+            &[2.0; 4]
+        };
+        let plain = served.input(&json!({ "y": y }));
+        served.ask(&json!({ "command": "reset" }));
+        let told = served.input(&json!({ "y": y, "parameters": [] }));
+        assert!(told.total_cmp(&plain).is_eq(), "{config}: {told} {plain}");
+        served.end();
+    }
+}
+
 /// An input beyond its bounds was not applied: the line is refused, and neither the estimator nor the
 /// controller has heard of it.
 #[test]
