@@ -15,7 +15,7 @@ pub struct Segment {
     pub steps: Range<usize>,
     /// The mean |yref - y| of each tracked quantity over the last ten of these marks, but no more
     /// than the second half of them, which a change at the beginning does not reach; NaN of fewer
-    /// than ten.
+    /// than ten, and where the value moves on, which nothing comes to rest at.
     pub offset: Vec<f64>,
     /// After how many steps all errors stayed within the tolerances; `None` if they did not.
     pub settled: Option<usize>,
@@ -62,7 +62,8 @@ impl ClosedLoop<'_> {
 
         let length = last.saturating_sub(steps.start);
         let count = MARKS.min(length / 2);
-        let mut offset = vec![if length < MARKS { f64::NAN } else { 0.0 }; tolerance.len()];
+        let none = length < MARKS || !self.reference().is_held(steps.clone());
+        let mut offset = vec![if none { f64::NAN } else { 0.0 }; tolerance.len()];
         for mark in last + 1 - count..last + 1 {
             for (sum, error) in offset.iter_mut().zip(errors(mark)) {
                 *sum += error;

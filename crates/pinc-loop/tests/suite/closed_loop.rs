@@ -216,6 +216,22 @@ fn segments_end_where_the_controller_prepares_the_next() {
     }
 }
 
+/// A reference that moves on from the beginning is one segment, which nothing comes to rest at.
+#[test]
+fn a_reference_that_moves_on_has_no_offset() {
+    let mut nmpc = idle();
+    let ramp: Vec<f64> = (0..40_u8).map(|k| 1.0 + 0.1 * f64::from(k.min(25))).collect();
+    let reference = Reference::new(ramp, 1).unwrap();
+    let truth = Dopri5::new(Runaway { rate: 0.0 }, 1e-12);
+    let mut run = ClosedLoop::new(&mut nmpc, truth, reference, &[1.0]).unwrap().without_preview();
+    run.run().unwrap();
+    let segments = run.segments(&[0.1]);
+    let steps: Vec<_> = segments.iter().map(|segment| segment.steps.clone()).collect();
+    assert_eq!(steps, [0..25, 25..40]);
+    assert!(segments[0].offset[0].is_nan(), "{segments:?}");
+    assert!((segments[1].offset[0] - 2.5).abs() < 1e-9, "{segments:?}");
+}
+
 /// x = 1/(1 - t/25) under a reference of 1 for ten steps, then of 2: of the ten marks of each, the
 /// last five count.
 #[test]

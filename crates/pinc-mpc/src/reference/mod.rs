@@ -95,9 +95,15 @@ impl Reference {
     pub fn stretches(&self) -> Vec<Range<usize>> {
         let moves_on = |k: usize| {
             let beside = if k + 1 < self.steps() { k + 1 } else { k.saturating_sub(2) };
-            self.changes(k) && self.changes(k.saturating_sub(1)) && self.changes(beside)
+            self.changes(k) && (k == 1 || self.changes(k.saturating_sub(1))) && self.changes(beside)
         };
         self.ranges(|k| self.changes(k) && !moves_on(k))
+    }
+
+    /// Whether all of these steps have one value.
+    #[must_use]
+    pub fn is_held(&self, steps: Range<usize>) -> bool {
+        !steps.skip(1).any(|k| self.changes(k))
     }
 
     /// Whether step `k` has another value than the one before.

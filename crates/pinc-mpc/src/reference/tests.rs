@@ -50,6 +50,8 @@ fn steps_in_which_a_value_moves_on_are_one_stretch() {
     assert_eq!(stretches(&[0.0, 0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 5.0]), [0..2, 2..6, 6..8]);
     assert_eq!(stretches(&[0.0, 0.0, 1.0, 2.0, 3.0, 4.0]), [0..2, 2..6]);
     assert_eq!(stretches(&[0.0, 0.0, 1.0, 2.0]), [0..2, 2..3, 3..4]);
+    assert_eq!(stretches(&[0.0, 1.0, 2.0, 3.0, 3.0]), [0..3, 3..5]);
+    assert_eq!(stretches(&[0.0, 1.0, 1.0, 2.0]), [0..1, 1..3, 3..4]);
 }
 
 #[test]
