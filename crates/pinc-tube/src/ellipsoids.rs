@@ -30,7 +30,7 @@ const FIRST_PROGRAMS: usize = 10;
 /// normal distribution's quantile. Where parameters p of the controller's model are estimated, P is
 /// that of (x, p), of which p is constant: L = (M, dF/dp; 0, I). K is 0 at the first stage. (+) is the
 /// ellipsoid of least trace around the sum, where state i counts in units of how far it may be,
-/// sqrt((M E M')_ii) + box_i: so it does not depend on units. What is quadratic in deviations is
+/// `sqrt((M E M')_ii) + box_i`: so it does not depend on units. What is quadratic in deviations is
 /// neglected.
 ///
 /// Reference: A. Zanelli, J. Frey, F. Messerer, M. Diehl, "Zero-order robust nonlinear model
@@ -262,8 +262,8 @@ impl EllipsoidTube {
         let sum = root + (0..n).map(of_boxes).sum::<f64>();
         let factor = if root > 0.0 { sum / root } else { 0.0 };
         self.e.iter_mut().zip(&*mem).for_each(|(e, mem)| *e = factor * *mem);
-        for i in 0..n {
-            self.e[i * (n + 1)] += sum * boxes[i] * (far(i) + boxes[i]);
+        for (i, size) in boxes.iter().enumerate() {
+            self.e[i * (n + 1)] += sum * size * (far(i) + size);
         }
     }
 
