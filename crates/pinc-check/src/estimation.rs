@@ -109,7 +109,7 @@ fn offset(
     let unseen: Vec<&str> = control
         .controlled
         .iter()
-        .filter(|name| !measured.contains(name))
+        .filter(|name| !measured.contains(name) && !variables.input_names().contains(name))
         .map(String::as_str)
         .collect();
     if !unseen.is_empty() && unknowns > 0 {

@@ -110,7 +110,11 @@ fn missed(subject: &Subject<'_>, control: &ControlSpec, rehearsal: &Rehearsal) -
     };
     let time_unit = subject.experiment.time_unit;
     let states = subject.plant.states();
-    let missed = control.controlled.iter().filter_map(|quantity| {
+    // A target moves the references of inputs to what the others leave.
+    let inputs = subject.plant.inputs();
+    let moved = |quantity: &str| control.target && inputs.iter().any(|u| u.name == quantity);
+    let missed = control.controlled.iter().filter(|quantity| !moved(quantity));
+    let missed = missed.filter_map(|quantity| {
         let (_, offset, what) = of.not_reached(quantity, time_unit, counts)?;
         let place = states.iter().position(|state| state.name == *quantity);
         let visible = place.map_or(0.0, |i| VISIBLE * subject.region.width(i));

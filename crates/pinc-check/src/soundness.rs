@@ -74,8 +74,10 @@ impl Soundness {
         });
         // Not a number is unsound too.
         let wrong = error.map(|error| error.rms).filter(|rms| !(..=SOUND_RMS).contains(rms));
-        let wrong =
-            wrong.map(|rms| format!("wrong by {} of the region's width in a step", short(rms)));
+        let wrong = wrong.map(|rms| match rms.is_finite() {
+            true => format!("wrong by {} of the region's width in a step", short(rms)),
+            false => "without a finite step somewhere in the region".to_owned(),
+        });
         let both: Vec<String> = [unstable, wrong].into_iter().flatten().collect();
         (!both.is_empty()).then(|| both.join(" and "))
     }

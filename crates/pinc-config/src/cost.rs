@@ -49,6 +49,12 @@ impl CostSpec {
         [&self.stage, &self.terminal].into_iter().flatten().map(String::as_str)
     }
 
+    /// Whether the time stands in it.
+    #[must_use]
+    pub fn has_time(&self) -> bool {
+        self.texts().any(|s| s.split(|c: char| c != '_' && !c.is_alphanumeric()).any(|w| w == "t"))
+    }
+
     /// The expressions, 0 for one that is left out.
     pub(crate) fn expressions(&self) -> CostExpressions<'_> {
         CostExpressions {

@@ -293,8 +293,7 @@ impl Experiment {
         self.control.as_ref().and_then(|control| control.noise_seed).unwrap_or(self.seed)
     }
 
-    /// The parameters of the models in the loop: those that vary, those that an estimator
-    /// estimates, and what scenarios or a tube vary.
+    /// The parameters of the models in the loop: those that vary, are estimated, or are uncertain.
     #[must_use]
     pub fn loop_parameters(&self) -> LoopParameters<'_> {
         let (mut names, mut values) = (self.varying(), self.model_parameters());
@@ -312,11 +311,10 @@ impl Experiment {
         }
         let nominal = self.plant.parameters();
         let control = self.control.as_ref();
-        let scenarios = control.and_then(|control| control.scenarios.as_ref());
-        let intervals = control.and_then(|control| control.uncertainty.as_ref());
-        let uncertain = intervals.into_iter().flat_map(|uncertain| uncertain.parameters.keys());
-        let branching = scenarios.into_iter().flat_map(|scenarios| scenarios.values.keys());
-        for name in branching.chain(uncertain) {
+        let branching = control.and_then(|of| of.scenarios.as_ref()).map(|of| of.values.keys());
+        let uncertain =
+            control.and_then(|of| of.uncertainty.as_ref()).map(|of| of.parameters.keys());
+        for name in branching.into_iter().flatten().chain(uncertain.into_iter().flatten()) {
             if !names.contains(&name.as_str())
                 && let Some(value) = nominal.get(name)
             {

@@ -172,6 +172,16 @@ impl UncertaintySpec {
         self.parameters.keys().filter_map(|name| all.iter().position(|known| known.name == *name))
     }
 
+    /// Whether there is no source of uncertainty.
+    #[must_use]
+    pub fn is_nothing(&self) -> bool {
+        let of_steps = self.process_sd.is_empty() && self.boxes.is_empty();
+        of_steps
+            && self.parameters.is_empty()
+            && !self.estimate
+            && self.net_error == NetErrorSpec::NONE
+    }
+
     /// The feedback on deviations.
     #[must_use]
     pub fn feedback(&self) -> Feedback {

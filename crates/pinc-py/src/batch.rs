@@ -197,8 +197,9 @@ impl NmpcBatch {
         parameters: Option<Given<'_>>,
     ) -> PyResult<StepBatch> {
         let given = self.arguments(&x, &reference, u_before.as_ref(), parameters.as_ref())?;
-        let steps = watched(py, || self.lock().batch_mut().steps(given.at()))?;
-        step_batch(py, steps.map_err(of_mpc)?, [given.steps, self.input_count()])
+        let steps = watched(py, || Ok(self.lock().for_steps()?.steps(given.at())))?;
+        let steps = steps.map_err(|error| of_run(&error))?.map_err(of_mpc)?;
+        step_batch(py, steps, [given.steps, self.input_count()])
     }
 
     #[doc = doc!("NmpcBatch.gradients")]
@@ -226,8 +227,8 @@ impl NmpcBatch {
             }
         };
         let found =
-            watched(py, || self.lock().batch_mut().gradients(given.at(), &seeds, smoothing))?;
-        let found = found.map_err(of_mpc)?;
+            watched(py, || Ok(self.lock().for_steps()?.gradients(given.at(), &seeds, smoothing)))?;
+        let found = found.map_err(|error| of_run(&error))?.map_err(of_mpc)?;
         let values = by_name(py, &found.gradients, &self.layout(), Some(given.steps))?;
         let (m, under_way) = (self.input_count(), found.by_under_way);
         let each = under_way.len() / (given.steps * m).max(1);

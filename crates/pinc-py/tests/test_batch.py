@@ -247,6 +247,19 @@ def test_a_policy_takes_all_inputs_under_way(smoke: Path) -> None:
     assert np.allclose(gradient, found[0])
 
 
+def test_steps_do_not_know_the_time_that_a_cost_has(smoke: Path) -> None:
+    priced = {"control.cost": {"stage": "0.1*u^2*(1 + t)"}}
+    batch = pinc.NmpcBatch(smoke, only="rk4", overrides=priced, threads=1)
+    x, reference = np.array([[0.5, 0.0]]), np.zeros(2)
+    for call in (
+        lambda: batch.steps(x, reference),
+        lambda: batch.gradients(x, reference, [1.0]),
+    ):
+        with pytest.raises(pinc.InputError, match=r"no time, but `t` stands in \[control.cost\]"):
+            call()
+    assert np.isfinite(batch.loops(x, np.zeros((1, 5, 2))).u).all()
+
+
 FAMILY = Path(__file__).resolve().parents[3] / "configs" / "four-tanks" / "family.toml"
 
 

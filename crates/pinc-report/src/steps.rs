@@ -5,6 +5,7 @@ use crate::picture::Picture;
 use pinc_chart::{
     AMBER, Axis, BLACK, BLUE, Figure, Kind, Panel, Shape, Style, extent, present, text,
 };
+use pinc_config::ModelKind;
 use pinc_record::StepRow;
 
 /// The controller step by step, if there was a closed loop.
@@ -94,6 +95,9 @@ fn caption(run: &Run) -> String {
         let steps = &of.table;
         let (all, model) = (text::count(steps.count), run.model_name(of.model));
         caption += &match steps.failed {
+            0 if of.model == Some(ModelKind::Policy) => {
+                format!(" {model} decided all {all} steps without an optimization.")
+            }
             0 => format!(" With {model} all {all} steps converged."),
             bad => format!(
                 " With {model} {} of {all} steps did not converge ({}; crosses).",

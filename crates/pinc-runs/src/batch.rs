@@ -3,7 +3,7 @@
 use super::chosen::{Chosen, ModelFile};
 use crate::RunError;
 use pinc_batch::{LoopTrace, Loops, NmpcBatch};
-use pinc_config::{ControlSpec, Experiment, ModelKind, Variables};
+use pinc_config::{ControlSpec, CostSpec, Experiment, ModelKind, Variables};
 use pinc_mpc::Reference;
 use pinc_ode::Simulator;
 
@@ -81,6 +81,19 @@ impl BatchController {
     /// The controllers, to be used.
     pub fn batch_mut(&mut self) -> &mut NmpcBatch {
         &mut self.batch
+    }
+
+    /// The controllers, for steps of their own.
+    ///
+    /// # Errors
+    ///
+    /// [`RunError::Usage`] if a step depends on when it is taken.
+    pub fn for_steps(&mut self) -> Result<&mut NmpcBatch, RunError> {
+        if self.spec.cost.as_ref().is_some_and(CostSpec::has_time) {
+            let problem = "steps of a batch have no time, but `t` stands in [control.cost]";
+            return Err(RunError::usage(format!("`{}`", self.command), problem));
+        }
+        Ok(&mut self.batch)
     }
 
     /// The controllers and the config's plant.

@@ -11,7 +11,7 @@ use pinc_config::{ControlSpec, Experiment, ModelKind, Variables, sha256};
 use pinc_estimate::{Augmentation, Estimator, EstimatorStatus, SteadyTarget};
 use pinc_mpc::{BoundSchedule, Memory, Nmpc, Reference, Solution, SqpStatus, Trust};
 use pinc_ode::DynPlant;
-use pinc_record::{ModelErrorMetrics, OutsideDomain};
+use pinc_record::{ModelErrorMetrics, OutsideDomain, read_file};
 use pinc_sensitivity::Sensitivity;
 use std::borrow::Cow;
 use std::time::Instant;
@@ -150,7 +150,10 @@ impl LiveController {
             measured_parameters: chosen.places_of_measured(),
             parameter_names: chosen.names_of_parameters(),
             kind: chosen.kind,
-            model_sha256: chosen.given.as_ref().map(|(bytes, _)| sha256(bytes)),
+            model_sha256: match &spec.policy {
+                Some(path) if chosen.kind == ModelKind::Policy => Some(sha256(read_file(path)?)),
+                _ => chosen.given.as_ref().map(|(bytes, _)| sha256(bytes)),
+            },
             reference: setup.reference()?,
             first_plan: first_plan(setup.spec, &Variables::of(setup.truth), setup.sample_time_s)?,
             bounds: setup.bounds()?,
@@ -257,7 +260,7 @@ impl LiveController {
         self.kind
     }
 
-    /// The SHA-256 of the model file, in hexadecimal digits, where the model is a net.
+    /// The SHA-256 of the model file, or of a policy's, in hexadecimal digits, where the model is a net.
     #[must_use]
     pub fn model_sha256(&self) -> Option<&str> {
         self.model_sha256.as_deref()

@@ -1,6 +1,8 @@
 //! The experiment whose loop the candidates are tried in.
 
-use pinc_config::{ControlSpec, Experiment, ModelKind, OnError, Plants};
+use pinc_config::{
+    ControlSpec, Experiment, ModelKind, NetErrorSpec, OnError, Plants, UncertaintySpec,
+};
 use pinc_net::{Domain, TrainingTarget};
 use pinc_ode::DynPlant;
 use pinc_runs::{RunError, Steps};
@@ -19,8 +21,8 @@ pub(super) struct Base {
     pub(super) plant: Box<dyn DynPlant>,
     /// The config with the sections that trying needs.
     pub(super) experiment: Experiment,
-    /// The `error_tolerance` of the loops of nets, with their `on_error`.
-    pub(super) guard: (BTreeMap<String, f64>, OnError),
+    /// The `error_tolerance` of the loops of nets, with their `on_error` and `uncertainty`.
+    pub(super) guard: (BTreeMap<String, f64>, OnError, Option<UncertaintySpec>),
     /// The sources that nets can be trained on; empty if no net can be tried.
     pub(super) sources: Vec<TrainingTarget>,
     /// What cannot be tried or looked at, and why.
@@ -38,7 +40,16 @@ impl Base {
         let (mut own, mut guard) = (experiment.clone(), Default::default());
         (own.sweep, own.prediction) = (None, None);
         if let Some(control) = &mut own.control {
-            guard = (mem::take(&mut control.error_tolerance), mem::take(&mut control.on_error));
+            guard = (
+                mem::take(&mut control.error_tolerance),
+                mem::take(&mut control.on_error),
+                control.uncertainty.clone(),
+            );
+            // Integrators have no error of a net.
+            if let Some(of) = &mut control.uncertainty {
+                of.net_error = NetErrorSpec::NONE;
+            }
+            control.uncertainty.take_if(|of| of.is_nothing());
             // A section that is not there makes no sense of it; each case says its own model.
             control.models = vec![match experiment.plant.is_black_box() {
                 true => ModelKind::BlackBox,

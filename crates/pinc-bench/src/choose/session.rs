@@ -96,7 +96,8 @@ impl<'a> Session<'a> {
         let made = trials(&sweep).expect("the experiment was checked, and its trials with it");
         let mut trial = made.into_iter().next().expect("a sweep with one case has one trial");
         if let (Candidate::Net { .. }, Some(control)) = (candidate, &mut trial.experiment.control) {
-            (control.error_tolerance, control.on_error) = self.base.guard.clone();
+            (control.error_tolerance, control.on_error, control.uncertainty) =
+                self.base.guard.clone();
         }
         if let Purpose::Time { round, .. } = purpose {
             trial.id = format!("{}-{round}", trial.id);

@@ -3,7 +3,7 @@
 use super::values::{alone, names, place, value};
 use super::{Checked, Problem};
 use crate::estimator::DisturbanceSpec;
-use crate::{ControlSpec, CostSpec, Experiment, Profile, Variables};
+use crate::{ControlSpec, CostSpec, EstimatorSpec, Experiment, Profile, Variables};
 
 const KEY: &str = "control.free_time";
 
@@ -35,23 +35,16 @@ pub(super) fn free_time(
     if experiment.plant.equations().is_none() {
         return value(KEY, found(), "no such key with a plant whose equations are not known");
     }
-    let mut cost = control.cost.iter().flat_map(CostSpec::texts);
-    let with_time = cost.any(|text| words(text).any(|name| name == "t"));
+    let of_inputs = |of: &EstimatorSpec| of.disturbance == DisturbanceSpec::Input;
     let others = [
-        ("`t` in [control.cost]", with_time),
+        ("`t` in [control.cost]", control.cost.as_ref().is_some_and(CostSpec::has_time)),
         ("more than one of control.references", control.references.len() > 1),
         ("control.bound_schedule", !control.bound_schedule.is_empty()),
         ("control.parameter_preview", control.parameter_preview),
         ("control.scenarios", control.scenarios.is_some()),
         ("weights_profile = \"cumulative\"", control.weights_profile == Profile::Cumulative),
         ("control.input_differences", !control.input_differences.is_empty()),
-        (
-            "disturbance = \"input\"",
-            control
-                .estimator
-                .as_ref()
-                .is_some_and(|of| matches!(of.disturbance, DisturbanceSpec::Input)),
-        ),
+        ("disturbance = \"input\"", control.estimator.as_ref().is_some_and(of_inputs)),
     ];
     alone(KEY, found(), "key", &others)
 }
@@ -94,9 +87,4 @@ fn periodic(control: &ControlSpec, variables: &Variables) -> Checked {
         ("control.sqp.real_time", control.sqp.real_time),
     ];
     if control.periodic.is_empty() { Ok(()) } else { alone(KEY, "a list", "key", &others) }
-}
-
-/// The names in an expression.
-fn words(text: &str) -> impl Iterator<Item = &str> {
-    text.split(|c: char| !(c.is_alphanumeric() || c == '_')).filter(|name| !name.is_empty())
 }

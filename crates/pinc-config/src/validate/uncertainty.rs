@@ -74,8 +74,7 @@ fn sources(spec: &UncertaintySpec, control: &ControlSpec, variables: &Variables)
     if spec.net_error != NetErrorSpec::NONE && !control.models.contains(&ModelKind::Pinc) {
         return value(&key("net_error"), "the error of a net", "\"pinc\" among control.models");
     }
-    let nothing = spec.process_sd.is_empty() && spec.boxes.is_empty() && spec.parameters.is_empty();
-    if nothing && !spec.estimate && spec.net_error == NetErrorSpec::NONE {
+    if spec.is_nothing() {
         let expected = "one of process_sd, boxes, parameters, estimate = true, net_error";
         return value(SECTION, "nothing uncertain", expected);
     }

@@ -160,7 +160,10 @@ fn add(panel: &mut Panel, entries: &[Entry], place: &dyn Fn(&Entry) -> Point) {
         let members: Vec<&Entry> = entries.iter().filter(|e| e.group == *group).collect();
         let points: Vec<Point> = members.iter().map(|e| place(e)).collect();
         if members.iter().all(|e| !e.is_net) {
-            panel.add("", points.clone(), Style::new(color, Shape::Line(1.2)).faint(0.6));
+            // Along the costs, in whatever order the models were tried.
+            let mut line = points.clone();
+            line.sort_by(|a, b| a.0.total_cmp(&b.0));
+            panel.add("", line, Style::new(color, Shape::Line(1.2)).faint(0.6));
         }
         panel.add_named(group, points, Style::new(color, mark));
         panel.labels.extend(members.iter().map(|e| {

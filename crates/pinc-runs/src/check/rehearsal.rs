@@ -70,9 +70,7 @@ pub(super) fn rehearse(
 fn known(spec: &ControlSpec) -> Option<UncertaintySpec> {
     let of = spec.uncertainty.clone()?;
     let known = UncertaintySpec { estimate: false, net_error: NetErrorSpec::NONE, ..of };
-    let is_nothing =
-        known.process_sd.is_empty() && known.boxes.is_empty() && known.parameters.is_empty();
-    (!is_nothing).then_some(known)
+    (!known.is_nothing()).then_some(known)
 }
 
 /// The nodes of a plan.
