@@ -210,6 +210,8 @@ impl LiveController {
         self.nmpc.remember(memory);
         self.parameters.copy_from_slice(self.nmpc.parameters());
         memory.numbers(&mut self.inputs);
+        let last = self.inputs.len() - self.u.len();
+        self.u.copy_from_slice(&self.inputs[last..]);
         memory.count(&mut self.done, usize::MAX);
         if let Some(observer) = &mut self.observer {
             observer.estimator.remember(memory);

@@ -234,7 +234,8 @@ class Nmpc:
         function's gradient in the planned inputs, ``(k, m)`` or its numbers row by row, and states;
         what is missing counts as 0. With a delay the plan begins in the state predicted for when the
         input acts: ``state`` means that one, which is fixed for the other kinds. ``smoothing`` is the
-        barrier parameter of a smoothed plan, in units of the cost."""
+        barrier parameter of a smoothed plan, in units of the cost. With ``control.target`` there is
+        none."""
     def sensitivity(
         self, change: Mapping[str, ArrayLike], smoothing: Optional[float] = None
     ) -> PlanChange:
@@ -454,7 +455,8 @@ class PlanGradient:
     def regularity(self) -> str:
         """``"regular"``; ``"kink"`` where a constraint is about to become active or inactive and
         the gradient is one side's; ``"singular"``, with NaN; ``"not-optimal"`` where the step did
-        not converge."""
+        not converge, the plan is a substitute's, or the controller a restored copy before its first
+        step."""
     @property
     def values(self) -> dict[str, _Array]:
         """The gradient by kind of number: ``state``, ``reference``, ``applied_input``,

@@ -3,6 +3,7 @@
 use pinc_config::{Experiment, ModelKind, Plants};
 use pinc_record::{ControlMetrics, ControlReader, ControlRow, Metrics, file};
 use pinc_runs::{Follow, LiveController, Options, Verbosity};
+use pinc_sensitivity::{Given, Regularity};
 use std::fs;
 use std::path::Path;
 use std::sync::atomic::AtomicBool;
@@ -291,6 +292,25 @@ fn asking_for_the_state_changes_no_input() {
             both[0].state();
         }
     }
+}
+
+/// A controller in the state of another one knows the input from which the next plan begins.
+#[test]
+fn the_plan_after_a_saved_state_has_derivatives() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
+    let config = root.join("configs/van-der-pol/control.toml");
+    let experiment = Experiment::load(&config, &[], &Plants::built_in()).unwrap();
+    let make = || LiveController::new(&experiment, None, Some(ModelKind::RK4), "the test").unwrap();
+    let (mut first, mut second) = (make(), make());
+    first.step(&[0.3, 0.1], Follow::Config, None).unwrap();
+    second.set_state(&first.state()).unwrap();
+    let [of_first, of_second] = [first, second].map(|mut live| {
+        live.step(&[0.31, 0.12], Follow::Config, None).unwrap();
+        let mut sensitivity = live.sensitivity(None).unwrap();
+        assert_eq!(sensitivity.regularity(), Regularity::Regular);
+        sensitivity.adjoint(&[], &[1.0]).unwrap().get(Given::State).to_vec()
+    });
+    near(&of_first, &of_second);
 }
 
 /// A tank of unknown gain, to be filled to a bound.
