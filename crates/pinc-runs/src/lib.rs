@@ -16,7 +16,6 @@
 mod batch;
 mod certify;
 mod chain;
-mod chained_error;
 mod check;
 mod chosen;
 pub mod clock;
@@ -54,7 +53,6 @@ mod trial;
 
 pub use batch::BatchController;
 pub use certify::{Certify, certify, verify_certificate};
-pub use chained_error::error_estimate;
 pub use check::{check, check_watched};
 pub use chosen::ModelFile;
 use control::Schedules;
@@ -70,7 +68,7 @@ pub use live_state::LiveState;
 pub use pinc_check::{Finding, IntegratorBox, Severity, findings_json};
 pub use pinc_verify::ErrorEstimate;
 pub use policy::PolicyFile;
-pub use predict::predict;
+pub use predict::{error_estimate, predict};
 pub use progress::Verbosity;
 pub use proof::{Certificate, certificate};
 pub use single_step::Steps;

@@ -1,16 +1,33 @@
 //! `pinc predict`: the free run of a trained net under given inputs, from CSV to CSV.
 
 use super::chain::Chain;
-use super::chained_error::ChainedError;
 use super::guard::Guard;
-use crate::RunError;
+use crate::{RunError, check_match};
 use csv::StringRecord;
 use pinc_config::{Experiment, OutsidePolicy};
 use pinc_net::{PincNet, TrainingTarget};
+use pinc_ode::DynPlant;
 use pinc_record::columns::{finite, not_finite, not_later, optional, places, rows, too_far};
 use pinc_record::{CsvText, OutsideDomain, is_same_file, number, read_file, write_output};
+use pinc_verify::{ChainedError, ErrorEstimate};
 use std::collections::HashMap;
 use std::path::Path;
+
+/// The estimate of the error of one step of `net` as a model of the experiment's plant.
+///
+/// # Errors
+///
+/// [`RunError::Usage`] if the net is not one of the experiment's plant and step length, and
+/// [`RunError::Verify`] if the plant is a black box, or the net knows one scenario only.
+pub fn error_estimate(experiment: &Experiment, net: &PincNet) -> Result<ErrorEstimate, RunError> {
+    check_match(experiment, Path::new("model"), net)?;
+    Ok(ErrorEstimate::new(net, &*family(experiment, net))?)
+}
+
+/// The experiment's plant with the parameters that the net takes.
+fn family(experiment: &Experiment, net: &PincNet) -> Box<dyn DynPlant> {
+    experiment.plant.family(&net.parameter_names().collect::<Vec<_>>())
+}
 
 /// Reads the inputs from the file `inputs`, lets the net of the file `model` run freely, and writes
 /// its states to the file `output`.
@@ -50,7 +67,8 @@ pub fn predict(
         Some(experiment) => super::read_matching_model(experiment, model)?.1,
         None => super::chainable(model, super::read_model(model)?)?,
     };
-    let mut errors = judged.map(|experiment| ChainedError::new(experiment, &net)).transpose()?;
+    let mut errors =
+        judged.map(|experiment| ChainedError::new(&net, family(experiment, &net))).transpose()?;
     let text = read_file(inputs)?;
     let mut guard = Guard::of_command(&net, policy);
     let table = run(&net, inputs, &text, (&mut guard, errors.as_mut()))?;

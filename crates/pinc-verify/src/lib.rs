@@ -31,6 +31,7 @@
 
 mod basis;
 mod branching;
+mod chained_error;
 mod chebyshev;
 mod elementary;
 mod equation;
@@ -55,6 +56,7 @@ mod search;
 mod taylor;
 mod workers;
 
+pub use chained_error::ChainedError;
 pub use error::VerifyError;
 pub use estimate::{ErrorEstimate, NODES, quadrature_node};
 pub use interval::Interval;

@@ -1,28 +1,13 @@
 //! The estimated error of a net that runs freely.
 
-use crate::{RunError, check_match};
-use pinc_config::Experiment;
+use crate::{ErrorEstimate, VerifyError};
 use pinc_net::{PincModel, PincNet, TrainingTarget};
 use pinc_ode::{DynPlant, Linearization, Model, Stages};
-use pinc_verify::ErrorEstimate;
-use std::path::Path;
-
-/// The estimate of the error of one step of `net` as a model of the experiment's plant.
-///
-/// # Errors
-///
-/// [`RunError::Usage`] if the net is not one of the experiment's plant and step length, and
-/// [`RunError::Verify`] if the plant is a black box, or the net knows one scenario only.
-pub fn error_estimate(experiment: &Experiment, net: &PincNet) -> Result<ErrorEstimate, RunError> {
-    check_match(experiment, Path::new("model"), net)?;
-    let varying: Vec<&str> = net.parameter_names().collect();
-    Ok(ErrorEstimate::new(net, &*experiment.plant.family(&varying))?)
-}
 
 /// Carries the estimated error of a net along its chain: after a step from an error E it is A E + e,
 /// with A the net's Jacobian by the state and e the estimated error of the step.
 #[derive(Debug)]
-pub(crate) struct ChainedError {
+pub struct ChainedError {
     plant: Box<dyn DynPlant>,
     /// For steps of the length that was asked for last.
     step: Step,
@@ -44,18 +29,25 @@ impl Step {
 }
 
 impl ChainedError {
-    /// Of a net that stands for the plant of `experiment`.
-    pub(crate) fn new(experiment: &Experiment, net: &PincNet) -> Result<Self, RunError> {
-        let varying: Vec<&str> = net.parameter_names().collect();
-        let plant = experiment.plant.family(&varying);
+    /// Of a net that stands for `plant`.
+    ///
+    /// # Errors
+    ///
+    /// As [`ErrorEstimate::new`].
+    pub fn new(net: &PincNet, plant: Box<dyn DynPlant>) -> Result<Self, VerifyError> {
         let (t, estimate) = (net.sample_time_s(), ErrorEstimate::new(net, &*plant)?);
-        let step = Step { t, model: PincModel::new(net)?, estimate };
+        let step = Step { t, model: PincModel::new(net).map_err(VerifyError::Net)?, estimate };
         Ok(Self { plant, step })
     }
 
     /// The error after `t` seconds from the state `x` with the error `error`; NaN for a time that a
     /// distilled net does not know.
-    pub(crate) fn step(
+    ///
+    /// # Shapes
+    ///
+    /// `x`, `error`: `nx`; `u`: `nu`; `p`: `np`.
+    #[must_use]
+    pub fn step(
         &mut self,
         net: &PincNet,
         t: f64,
