@@ -112,6 +112,8 @@ pub(crate) struct ControlStep {
     curvature_dropped: bool,
     #[doc = doc!("ControlStep.start")]
     start: Option<usize>,
+    #[doc = doc!("ControlStep.in_tube")]
+    in_tube: Option<bool>,
     #[doc = doc!("ControlStep.step_us")]
     step_us: f64,
     #[doc = doc!("ControlStep.trust")]
@@ -138,6 +140,7 @@ struct Taken {
     cost: Option<f64>,
     curvature_dropped: bool,
     start: Option<usize>,
+    in_tube: Option<bool>,
     step_us: f64,
     trust: Trust,
 }
@@ -163,6 +166,7 @@ impl Taken {
             cost: step.cost,
             curvature_dropped: step.curvature_dropped,
             start: step.start,
+            in_tube: step.in_tube,
             step_us: step.step_us,
             trust: step.trust,
         });
@@ -190,6 +194,7 @@ impl Taken {
             cost: self.cost,
             curvature_dropped: self.curvature_dropped,
             start: self.start,
+            in_tube: self.in_tube,
             step_us: self.step_us,
             model_error: vector(model_error)?,
         })

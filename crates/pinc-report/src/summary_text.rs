@@ -20,6 +20,7 @@ pub(crate) fn sentences(run: &Run) -> String {
         metrics.domain_finding(),
         tracking(run, metrics),
         starts(run, metrics),
+        tubes(run, metrics),
         speed(run, metrics),
         statuses(metrics),
     ];
@@ -100,6 +101,15 @@ fn starts(run: &Run, metrics: &Metrics) -> Option<String> {
     let with = |of: &ControlMetrics| {
         let start = of.start.as_ref()?;
         Some(format!("With {} {start}.", run.model_name(Some(of.model))))
+    };
+    let each: Vec<String> = metrics.control.iter().filter_map(with).collect();
+    (!each.is_empty()).then(|| each.join(" "))
+}
+
+/// How many plans keep the bounds of each controller's tube.
+fn tubes(run: &Run, metrics: &Metrics) -> Option<String> {
+    let with = |of: &ControlMetrics| {
+        Some(format!("With {} {}.", run.model_name(Some(of.model)), of.tube.as_ref()?))
     };
     let each: Vec<String> = metrics.control.iter().filter_map(with).collect();
     (!each.is_empty()).then(|| each.join(" "))

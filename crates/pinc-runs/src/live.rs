@@ -109,6 +109,8 @@ pub struct LiveStep<'a> {
     /// From which of `sqp.starts` the plan was found, in a step that tried several; 0 is the start
     /// without others.
     pub start: Option<usize>,
+    /// Whether the plan keeps the bounds that the controller's tube has tightened, if there is one.
+    pub in_tube: Option<bool>,
     /// How long the step took, in us.
     pub step_us: f64,
     /// Whether the net was trusted in the plan's first step.
@@ -412,6 +414,7 @@ impl LiveController {
         }
         let observer = self.observer.as_ref();
         Ok(LiveStep {
+            in_tube: self.nmpc.tightened().map(|of| of.fits),
             u: &self.u,
             status,
             x: &self.x,

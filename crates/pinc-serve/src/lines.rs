@@ -116,6 +116,9 @@ struct Answer<'a> {
     /// In a step that tried several starts: from which the plan was found.
     #[serde(skip_serializing_if = "Option::is_none")]
     start: Option<usize>,
+    /// With a tube: whether the plan keeps the tightened bounds.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    in_tube: Option<bool>,
     step_us: f64,
     /// With `control.error_tolerance`: whether the net was trusted in the plan's first step, and its
     /// estimated error there.
@@ -258,6 +261,7 @@ fn step(controller: &mut LiveController, request: &Request) -> Result<String, St
         cost: step.cost,
         curvature_dropped: step.cost.map(|_| step.curvature_dropped),
         start: step.start,
+        in_tube: step.in_tube,
         step_us: step.step_us,
         trust: (step.trust != Trust::NotJudged).then(|| step.trust.to_string()),
         model_error: step.model_error,

@@ -647,6 +647,10 @@ class ControlStep:
         """From which of ``control.sqp.starts`` the plan was found, in a step that tried several; 0 is
         the start without others."""
     @property
+    def in_tube(self) -> Optional[bool]:
+        """With ``control.uncertainty``: whether the plan keeps the tightened bounds; if not, the plant
+        may break its bounds."""
+    @property
     def step_us(self) -> float:
         """How long the step took, in us."""
     @property

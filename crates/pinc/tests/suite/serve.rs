@@ -166,3 +166,43 @@ fn only_addresses_of_this_machine_are_listened_at() {
         assert!(ended.stderr.contains("127.0.0.1:5025"), "{}", ended.stderr);
     }
 }
+
+/// With a tube an answer says whether its plan keeps the tightened bounds, and the report of a loop how
+/// many did.
+#[test]
+fn an_answer_says_whether_its_plan_is_in_the_tube() {
+    let config = repository("configs/smoke/van-der-pol.toml");
+    for (sd, fits) in [("[0.001, 0.001]", true), ("[10.0, 10.0]", false)] {
+        let tube = format!("control.uncertainty={{ probability = 0.9, process_sd = {sd} }}");
+        let sets = [
+            "--set",
+            "control.state_low=[-3.0, -3.0]",
+            "--set",
+            "control.state_high=[3.0, 3.0]",
+            "--set",
+            "control.state_softness.penalty=[10.0, 10.0]",
+            "--set",
+            "control.uncertainty.probability=0.9",
+            "--set",
+            &tube,
+        ];
+        let mut served = Served::of(&config, ModelKind::RK4, &sets);
+        let answer = served.ask(&serde_json::json!({ "y": [0.5, 0.1] }));
+        assert_eq!(answer["in_tube"], fits, "{answer}");
+        served.end();
+        let dir = tempfile::tempdir().unwrap();
+        let mut command = pinc(&["control", "--quiet", "--only", "rk4", "--out"]);
+        let sets = [&sets[..], &["--set", "control.max_failed_share=1.0"]].concat();
+        let ended = outcome(command.arg(dir.path().join("run")).arg(&config).args(sets));
+        assert_eq!(ended.code, Some(0), "{ended:?}");
+        let html = std::fs::read_to_string(dir.path().join("run/report.html")).unwrap();
+        let said =
+            if fits { "plans keep the bounds of the tube" } else { "do not keep the bounds" };
+        assert!(html.contains(&format!("With RK4 {}", if fits { "all " } else { "" })), "{said}");
+        assert!(html.contains(said), "{said}");
+    }
+    let mut served = Served::of(&config, ModelKind::RK4, &[]);
+    let answer = served.ask(&serde_json::json!({ "y": [0.5, 0.1] }));
+    assert!(answer["in_tube"].is_null(), "{answer}");
+    served.end();
+}
