@@ -212,7 +212,10 @@ fn unseen(of: Estimating<'_>, point: &OperatingPoint) -> Vec<UnseenMode> {
 /// A and C of the estimator's model at a point, in sizes that the tuning says; `None` if there is no
 /// such model.
 fn linearized(of: Estimating<'_>, point: &OperatingPoint) -> Option<(Vec<f64>, Vec<f64>)> {
-    let mut model = of.model(Integrator::Rk4, of.control.rk4_substeps)?;
+    // An unstable step of RK4 would hide what the plant shows.
+    let substeps = of.control.rk4_substeps;
+    let model = of.model(Integrator::Rosenbrock, substeps);
+    let mut model = model.or_else(|| of.model(Integrator::Rk4, substeps))?;
     let tuning = of.estimator.tuning(of.control);
     let unknowns = &tuning.initial_estimate[point.x.len()..];
     let z = [&point.x[..], unknowns].concat();
