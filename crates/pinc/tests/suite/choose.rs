@@ -176,6 +176,10 @@ fn nets_have_to_keep_their_tolerances() {
         let net = pinc_net::PincNet::from_bytes(&bytes).unwrap();
         assert!(pinc_runs::certificate(&net).unwrap().proven["x1"] <= 10.0);
     }
+    // A tube around the error of a net leaves integrators as they are, and tries nets with it.
+    let tube = "control.uncertainty={ probability = \"worst-case\", net_error = true }";
+    let (said, _) = choose_with("tube", &[tube]);
+    assert!(said.contains("Use RK") && !rows(&said).is_empty(), "{said}");
     let tight = "training.proven_tolerance={ x1 = 1e-9 }";
     let (said, _) = choose_with("tight", &[tight, "training.time_limit_s=0.2"]);
     for row in rows(&said) {

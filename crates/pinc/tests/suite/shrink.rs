@@ -1,6 +1,8 @@
 //! `pinc shrink`: a small net in place of a controller, judged in closed loops.
 
 use crate::common::{outcome, pinc, repository};
+use crate::ways::Served;
+use pinc_config::ModelKind;
 use std::fs;
 use std::path::Path;
 
@@ -93,6 +95,17 @@ fn the_loop_of_the_net_is_beside_the_controllers(dir: &Path, policy: &Path) {
     let status = found["status"].as_object().unwrap();
     assert!(status.keys().all(|status| status == "kept" || status == "replaced"), "{status:?}");
     assert!(status.contains_key("kept"), "{status:?}");
+    let html = fs::read_to_string(dir.join("loop/report.html")).unwrap();
+    assert!(html.contains("steps without an optimization"), "what a policy does does not converge");
+    let models = ["--set", "control.models=[\"rk4\", \"policy\"]", "--set"];
+    let of_file = format!("control.policy=\"{file}\"");
+    let sets = [&models[..], &[&of_file]].concat();
+    let config = repository("configs/smoke/van-der-pol.toml");
+    let mut served = Served::of(&config, ModelKind::Policy, &sets);
+    let described = served.ask(&serde_json::json!({ "command": "describe" }));
+    let digest = pinc_config::sha256(fs::read(policy).unwrap());
+    assert_eq!(described["model_sha256"], digest.as_str(), "{described}");
+    served.end();
     // Plans that are kept have no KKT residual.
     let row = said.stdout.lines().find(|line| line.trim_start().starts_with("policy"));
     let row = row.unwrap_or_else(|| panic!("{said:?}"));
