@@ -347,4 +347,20 @@ mod tests {
         assert_eq!(faster_step(&exact, &entries, &|e| e.forward_ns), MISSING);
         assert_eq!(faster_loop(&entries[0], entries[2..].iter()), "3.0 (x1)");
     }
+
+    /// The lines go from the cheapest to the dearest, in whatever order the models were tried.
+    #[test]
+    fn a_method_is_one_line_along_its_cost() {
+        let entries = [
+            entry("x4", "RK4", 1e-6, 400.0),
+            entry("x8", "RK4", 1e-8, 800.0),
+            entry("x2", "RK4", 1e-4, 200.0),
+            entry("x1", "RK4", 1e-2, 100.0),
+        ];
+        let mut panel = Panel::new("", Axis::new("", Kind::Log), 100.0);
+        add(&mut panel, &entries, &|e| (e.forward_ns, e.rms));
+        let line: Vec<f64> = panel.series[0].points.iter().map(|point| point.0).collect();
+        assert_eq!(line, [100.0, 200.0, 400.0, 800.0]);
+        assert_eq!(panel.labels[0].at.0.to_bits(), 400.0_f64.to_bits());
+    }
 }
