@@ -85,24 +85,17 @@ impl Augmented {
         self.inner.disturbance()
     }
 
-    /// Takes x and w of some points apart, where w has the known parameters `p`.
-    fn arrange(&mut self, z: &[f64], p: &[f64]) {
-        let (nx, known) = (self.inner.dims().nx, self.inner.known());
-        let (nz, nw) = (nx + self.inner.unknowns(), self.inner.width());
-        for (k, z) in z.chunks_exact(nz).enumerate() {
-            self.x[k * nx..(k + 1) * nx].copy_from_slice(&z[..nx]);
-            let w = &mut self.w[k * nw..(k + 1) * nw];
-            w[..nz - nx].copy_from_slice(&z[nx..]);
-            w[nz - nx..].copy_from_slice(&p[k * known..(k + 1) * known]);
-        }
-    }
-
     /// Linearizes at one block of points, at most.
     fn linearize_block(&mut self, at: Stages<'_>, out: Linearization<'_>) {
         let Dims { nx, nu, .. } = self.inner.dims();
         let (nz, nw, known) = (nx + self.inner.unknowns(), self.inner.width(), self.inner.known());
         let count = at.x.len() / nz;
-        self.arrange(at.x, at.p);
+        for (k, z) in at.x.chunks_exact(nz).enumerate() {
+            self.x[k * nx..(k + 1) * nx].copy_from_slice(&z[..nx]);
+            let (unknowns, told) = self.w[k * nw..(k + 1) * nw].split_at_mut(nz - nx);
+            unknowns.copy_from_slice(&z[nx..]);
+            told.copy_from_slice(&at.p[k * known..(k + 1) * known]);
+        }
         // The Jacobian by u has zeros below, but the rows of a point are contiguous all the same.
         let Linearization { next, a, b, e: by_known } = out;
         let inner_b = &mut b[..count * nx * nu];
@@ -145,6 +138,17 @@ impl Augmented {
     }
 }
 
+/// w of a point: its unknowns, in `room` before the known parameters `p` if there are any.
+fn with_known<'w>(room: &'w mut [f64], unknowns: &'w [f64], p: &[f64]) -> &'w [f64] {
+    if p.is_empty() {
+        return unknowns;
+    }
+    let w = &mut room[..unknowns.len() + p.len()];
+    w[..unknowns.len()].copy_from_slice(unknowns);
+    w[unknowns.len()..].copy_from_slice(p);
+    w
+}
+
 impl Model for Augmented {
     fn dims(&self) -> Dims {
         let Dims { nx, nu, .. } = self.inner.dims();
@@ -158,11 +162,11 @@ impl Model for Augmented {
     }
 
     fn step(&mut self, x: &[f64], u: &[f64], p: &[f64], next: &mut [f64]) {
-        let (nx, nw) = (self.inner.dims().nx, self.inner.width());
-        self.arrange(x, p);
-        let at = Stages { x: &self.x[..nx], u, p: &self.w[..nw] };
-        self.inner.step(at, &mut next[..nx]);
-        next[nx..].copy_from_slice(&x[nx..]);
+        let nx = self.inner.dims().nx;
+        let (x, unknowns) = x.split_at(nx);
+        let w = with_known(&mut self.w, unknowns, p);
+        self.inner.step(Stages { x, u, p: w }, &mut next[..nx]);
+        next[nx..].copy_from_slice(unknowns);
     }
 
     fn linearize(&mut self, at: Stages<'_>, mut out: Linearization<'_>) {
@@ -176,9 +180,8 @@ impl Model for Augmented {
     }
 
     fn output(&mut self, x: &[f64], u: &[f64], p: &[f64], y: &mut [f64]) {
-        let (nx, nw) = (self.inner.dims().nx, self.inner.width());
-        self.arrange(x, p);
-        self.inner.measure(Stages { x: &self.x[..nx], u, p: &self.w[..nw] }, y);
+        let (x, unknowns) = x.split_at(self.inner.dims().nx);
+        self.inner.measure(Stages { x, u, p: with_known(&mut self.w, unknowns, p) }, y);
     }
 
     fn linearize_output(&mut self, at: Stages<'_>, mut out: OutputLinearization<'_>) {
@@ -189,9 +192,10 @@ impl Model for Augmented {
         for k in 0..count {
             let point = at.point(k, dims);
             let OutputLinearization { y, c: by_z, d, e: by_known } = out.point(k, dims);
-            self.arrange(point.x, point.p);
+            let (x, unknowns) = point.x.split_at(nx);
+            let w = with_known(&mut self.w, unknowns, point.p);
             self.inner.linearize_measurement(
-                Stages { x: &self.x[..nx], u: point.u, p: &self.w[..nw] },
+                Stages { x, u: point.u, p: w },
                 OutputLinearization { y, c: &mut self.by_x, d, e: &mut self.by_w },
             );
             for (i, row) in by_z.chunks_exact_mut(dims.nx).enumerate() {
