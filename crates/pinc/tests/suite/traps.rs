@@ -501,3 +501,55 @@ fn a_rehearsal_has_the_controller_that_is_configured() {
     let (found, _) = tank(loads);
     assert!(says(&found, "without control.plant_schedule, control.loads"), "{found:?}");
 }
+
+/// What a sensor tells is judged by the plant, not by an unstable step of RK4: a fast actuator hides
+/// nothing. Inputs that are controlled are known, and with targets give way to the others.
+#[test]
+fn neither_a_fast_actuator_nor_a_tracked_input_is_unseen() {
+    let text = r#"
+        name = "lag"
+        preset = "ours"
+        seed = 1
+        [plant.expression]
+        states = ["x1", "x2"]
+        inputs = ["u"]
+        derivatives = { x1 = "-0.5*x1 + x2", x2 = "500*(u - x2)" }
+        [control]
+        models = ["rk4"]
+        step_s = 0.4
+        duration_s = 8.0
+        n2 = 10
+        initial_state = [0.0, 0.0]
+        controlled = ["x1", "u"]
+        q = [1.0, 0.1]
+        r = [0.1]
+        input_low = [-2.0]
+        input_high = [2.0]
+        references = [{ start_s = 0.0, value = [1.0, 0.0] }]
+        target = true
+        [control.measurement]
+        measured = ["x1"]
+        [control.estimator]
+        kind = "ekf"
+        process_sd = [0.01, 0.01]
+        measurement_sd = [0.01]
+        initial_estimate = [0.0, 0.0]
+        initial_sd = [0.1, 0.1]
+        disturbance = "input"
+        disturbance_sd = [0.05]
+        disturbance_initial_sd = [0.3]
+    "#;
+    let dir = tempfile::tempdir().unwrap();
+    let config = dir.path().join("lag.toml");
+    std::fs::write(&config, text).unwrap();
+    let found = outcome(pinc(&["check"]).arg(&config));
+    assert!(found.stdout.contains("x1, x2, d_u estimated from x1"), "{found:?}");
+    assert!(found.stdout.contains("RK4 is unstable"), "{found:?}");
+    for wrong in ["apart", "not measured", "u does not reach"] {
+        assert!(!found.stdout.contains(wrong), "{wrong}: {found:?}");
+    }
+    let watched = text.replace("controlled = [\"x1\", \"u\"]", "controlled = [\"x1\", \"x2\"]");
+    std::fs::write(&config, watched.replace("target = true", "target = false")).unwrap();
+    let found = outcome(pinc(&["check"]).arg(&config));
+    assert!(found.stdout.contains("x2 is controlled, but not measured"), "{found:?}");
+}
