@@ -257,7 +257,7 @@ def test_steps_do_not_know_the_time_that_a_cost_has(smoke: Path) -> None:
     ):
         with pytest.raises(pinc.InputError, match=r"no time, but `t` stands in \[control.cost\]"):
             call()
-    assert np.isfinite(batch.loops(x, np.zeros((1, 5, 2))).u).all()
+    assert np.isfinite(batch.loops(x, np.zeros((1, 5, 2))).inputs).all()
 
 
 FAMILY = Path(__file__).resolve().parents[3] / "configs" / "four-tanks" / "family.toml"
