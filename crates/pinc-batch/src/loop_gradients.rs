@@ -72,7 +72,8 @@ impl NmpcBatch {
     /// # Errors
     ///
     /// [`MpcError`] if a list is of the wrong length or a number not finite, no allowed move leads from
-    /// an input before to the inputs' bounds, the plant has other sizes, or the controller's problem has a delay, which the gradient does not cover.
+    /// an input before to the inputs' bounds, the plant has other sizes, or the controller's problem
+    /// has a delay, which the gradient does not cover.
     pub fn loop_gradients(
         &mut self,
         given: GradientLoops<'_>,
