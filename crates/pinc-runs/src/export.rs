@@ -411,7 +411,10 @@ fn write(
     let default = || Path::new("exports").join(format!("{}-{}", name.as_str(), to.name()));
     let dir = out.map_or_else(default, Path::to_owned);
     // Where an earlier export of the name is, its files are replaced; a user's own are not.
-    let is_own = |file: &&GeneratedFile| file.path.contains(name.as_str());
+    let is_own = |file: &&GeneratedFile| {
+        let rest = file.path.strip_prefix(name.as_str());
+        rest.is_some_and(|rest| rest.starts_with(['_', '.']))
+    };
     if !files.iter().filter(is_own).any(|file| dir.join(&file.path).exists())
         && let Some(other) =
             files.iter().map(|file| dir.join(&file.path)).find(|path| path.exists())

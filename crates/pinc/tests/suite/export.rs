@@ -337,6 +337,8 @@ fn an_export_replaces_no_file_but_its_own() {
         let path = dir.path().join(own);
         fs::write(&path, "my own").unwrap();
         export("tank").assert_refused(&[own, "not of an earlier export of tank", "--out"]);
+        // A name that is part of the file's is none of an earlier export.
+        export("e").assert_refused(&[own, "not of an earlier export of e"]);
         assert_eq!(fs::read_to_string(&path).unwrap(), "my own");
         assert_eq!(fs::read_dir(dir.path()).unwrap().count(), 1);
         fs::remove_file(&path).unwrap();
