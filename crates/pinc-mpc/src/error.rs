@@ -70,6 +70,9 @@ pub enum MpcError {
     /// Scenarios on stages of different lengths.
     #[error("scenarios need stages of equal length")]
     UnequalScenarios,
+    /// Scenarios behind a delay, over which one branch alone would be predicted.
+    #[error("scenarios do not go with a delay")]
+    DelayedScenarios,
     /// A quantity that is tracked twice.
     #[error("tracked names {tracked} twice")]
     TrackedTwice {

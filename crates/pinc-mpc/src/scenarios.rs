@@ -67,8 +67,9 @@ impl Scenarios {
 
     /// Checks them for a problem with a model of dimensions `dims`.
     pub(crate) fn validate(&self, problem: &NmpcProblem, dims: Dims) -> Result<(), MpcError> {
-        // The inputs under way would be predicted for one branch alone.
-        check_range("the delay with scenarios", problem.delay, 0, 0)?;
+        if problem.delay > 0 {
+            return Err(MpcError::DelayedScenarios);
+        }
         let branches = self.values.len();
         check_range("the branches of scenarios", branches, 1, usize::MAX)?;
         check_range("the parameters of scenarios", self.parameters.len(), 1, dims.np)?;

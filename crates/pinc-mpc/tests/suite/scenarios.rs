@@ -436,6 +436,7 @@ fn scenarios_that_make_no_sense_are_errors() {
         (|_, s| s.weights = vec![0.5, 0.6], "add up to 1.1, but must add up to 1"),
         (|_, s| s.weights = vec![1.5, -0.5], "scenarios.weights"),
         (|_, s| s.robust_horizon = 0, "robust_horizon is 0, but must be from 1 to 3"),
+        (|p, _| p.delay = 1, "scenarios do not go with a delay"),
         (|p, _| p.control_horizon = 1, "robust_horizon is 1, but must be from 1 to 0"),
         (
             |p, _| p.weights.input_sequence = Some(vec![1.0; 10].into()),
