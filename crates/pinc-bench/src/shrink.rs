@@ -81,7 +81,7 @@ pub fn shrink(
     let config = ShrinkConfig { neurons, samples, iterations, loops, hold, seed, threads: 0 };
     let region = region(&mut controller)?;
     let failed = |error| of_shrink(&experiment.name, error);
-    pinc_shrink::check_batch(controller.for_steps()?).map_err(failed)?;
+    pinc_shrink::check_batch(controller.batch_mut()).map_err(failed)?;
     let run_dir = RunDir::open(dir, experiment, std::process::id())?;
     run_dir.write_provenance(&Provenance::of(experiment, invocation(options.arguments)), false)?;
     let mut see = |stage: Stage| {

@@ -81,11 +81,13 @@ impl<'n> Guard<'n> {
         let variables = net.state_names().iter().chain(net.input_names());
         let names = variables.map(String::as_str).chain(net.parameter_names());
         let mut excesses: Vec<f64> = domain.excess(x, u, p).collect();
-        let mut p = p.to_vec();
-        for values in &self.ahead.values {
-            self.ahead.places.iter().zip(values).for_each(|(&place, value)| p[place] = *value);
-            let there = domain.excess(x, u, &p);
-            excesses.iter_mut().zip(there).for_each(|(most, of)| *most = most.max(of));
+        if !self.ahead.values.is_empty() {
+            let mut p = p.to_vec();
+            for values in &self.ahead.values {
+                self.ahead.places.iter().zip(values).for_each(|(&place, value)| p[place] = *value);
+                let there = domain.excess(x, u, &p);
+                excesses.iter_mut().zip(there).for_each(|(most, of)| *most = most.max(of));
+            }
         }
         let mut outside = false;
         for ((name, excess), (low, high)) in names.zip(excesses).zip(domain.ends()) {

@@ -3,9 +3,7 @@
 use crate::RunError;
 use crate::control::LoopSetup;
 use pinc_check::{Metered, Rehearsal, Work};
-use pinc_config::{
-    ControlSpec, Experiment, ModelKind, NetErrorSpec, ScenarioSpec, UncertaintySpec,
-};
+use pinc_config::{ControlSpec, Experiment, ModelKind, NetErrorSpec, UncertaintySpec};
 use pinc_ode::{Dims, DynPlant, Integrator, Scheme, Trajectory};
 use std::collections::BTreeMap;
 
@@ -40,9 +38,10 @@ pub(super) fn rehearse(
     let mut nmpc = setup.controller(kind, plant)?;
     let mut run = setup.begin(&mut nmpc)?;
     let (mut trace, mut status) = (Trajectory::new(plant.dims()), BTreeMap::new());
-    let most = rehearsed_steps(plant.dims(), spec, kind);
+    let nodes = setup.problem().tree().first_node(spec.n2 + 1) - 1;
+    let most = rehearsed_steps(plant.dims(), (spec, nodes), kind);
     let all = pinc_config::steps(spec.duration_s, sample_time_s);
-    let iteration = iteration_units(plant.dims(), spec, kind, metered);
+    let iteration = nodes as u64 * node_units(plant.dims(), spec, kind, metered);
     let mut done = 0;
     while done < most && (done == 0 || !work.is_over()) {
         let Some(control) = run.control()? else { break };
@@ -73,18 +72,9 @@ fn known(spec: &ControlSpec) -> Option<UncertaintySpec> {
     (!known.is_nothing()).then_some(known)
 }
 
-/// The nodes of a plan.
-fn nodes(spec: &ControlSpec) -> usize {
-    let paths = |of: &ScenarioSpec| {
-        let branches = of.branches().unwrap_or(usize::MAX);
-        branches.saturating_pow(u32::try_from(of.robust_horizon).unwrap_or(u32::MAX))
-    };
-    spec.n2.saturating_mul(spec.scenarios.as_ref().map_or(1, paths))
-}
-
-/// The units of work that an iteration of the controller takes: the model with its Jacobians along
-/// the horizon, and a factorization for each stage.
-fn iteration_units(dims: Dims, spec: &ControlSpec, kind: ModelKind, metered: &Metered) -> u64 {
+/// The units of work that an iteration of the controller takes for each node of its plan: the model with
+/// its Jacobians, and a factorization.
+fn node_units(dims: Dims, spec: &ControlSpec, kind: ModelKind, metered: &Metered) -> u64 {
     let evaluations = match kind {
         ModelKind::Integrator(integrator) => evaluations(spec, integrator),
         ModelKind::BlackBox => 1 + dims.nx + dims.nu,
@@ -93,7 +83,7 @@ fn iteration_units(dims: Dims, spec: &ControlSpec, kind: ModelKind, metered: &Me
     // About four derivatives cost as much as the value.
     let model = evaluations as u64 * metered.units() * (1 + (dims.nx + dims.nu) as u64 / 4);
     let factorization = ((dims.nx + dims.nu) as u64).pow(3) / 10;
-    nodes(spec) as u64 * (model + factorization)
+    model + factorization
 }
 
 /// Evaluations of the right-hand side in a step of an integrator.
@@ -103,7 +93,7 @@ fn evaluations(spec: &ControlSpec, integrator: Integrator) -> usize {
 
 /// How many steps of a loop are rehearsed: as many as take a second or so, by the entries of the
 /// Jacobians that the model computes for one plan.
-fn rehearsed_steps(dims: Dims, spec: &ControlSpec, kind: ModelKind) -> usize {
+fn rehearsed_steps(dims: Dims, (spec, nodes): (&ControlSpec, usize), kind: ModelKind) -> usize {
     let stages = match kind {
         ModelKind::Integrator(integrator) => match integrator.scheme() {
             Scheme::Explicit(_) => evaluations(spec, integrator),
@@ -115,7 +105,7 @@ fn rehearsed_steps(dims: Dims, spec: &ControlSpec, kind: ModelKind) -> usize {
         ModelKind::Pinc | ModelKind::Policy => evaluations(spec, Integrator::Rk4),
     };
     let dense = if kind == ModelKind::ROSENBROCK { dims.nx } else { 1 };
-    let sizes = [nodes(spec), stages, dims.nx, dims.nx + dims.nu, dense];
+    let sizes = [nodes, stages, dims.nx, dims.nx + dims.nu, dense];
     let work = sizes.into_iter().fold(1_usize, usize::saturating_mul);
     (REHEARSED_ENTRIES / work.max(1)).max(5)
 }
