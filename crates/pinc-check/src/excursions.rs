@@ -46,7 +46,7 @@ pub(crate) fn examine(subject: &Subject<'_>) -> Vec<Finding> {
     findings
 }
 
-/// The parameters that the controller tells the net outside the ranges of its training.
+/// The parameters with which the controller uses the net outside the ranges of its training.
 fn parameters(experiment: &Experiment) -> Vec<Finding> {
     let ranges = experiment.domain.iter().flat_map(|domain| &domain.parameters);
     let control = experiment.control.as_ref();
@@ -60,14 +60,14 @@ fn parameters(experiment: &Experiment) -> Vec<Finding> {
         let (low, high) = told.fold((own, own), |(low, high), p| (low.min(p), high.max(p)));
         let said = match (low < range.low, high > range.high) {
             (false, false) => return None,
-            (true, false) => format!("{name} goes down to {}", short(low)),
-            (false, true) => format!("{name} goes up to {}", short(high)),
-            (true, true) => format!("{name} goes from {} to {}", short(low), short(high)),
+            (true, false) => format!("{name} down to {}", short(low)),
+            (false, true) => format!("{name} up to {}", short(high)),
+            (true, true) => format!("{name} from {} to {}", short(low), short(high)),
         };
-        Some(format!("{said} (trained from {} to {})", range.low, range.high))
+        Some(format!("{said}, but trained from {} to {}", range.low, range.high))
     });
     let finding = |what: String| {
-        Finding::warning("domain.parameters", format!("the controller tells the net that {what}"))
+        Finding::warning("domain.parameters", format!("the net is used with {what}"))
             .because("outside the box it was trained on a net is wrong")
             .change("a wider range in [domain.parameters], or other values in [control]")
     };

@@ -57,7 +57,7 @@ fn left_out(control: &ControlSpec) -> Option<Finding> {
     let keys: Vec<&str> = keys.iter().filter_map(|(key, given)| given.then_some(*key)).collect();
     let what = || {
         format!(
-            "the closed loop here has the models' own plant, measured states and no clock, without {}",
+            "the rehearsed loop has the models' own plant, known states and no clock; it leaves out {}",
             keys.join(", ")
         )
     };

@@ -26,6 +26,7 @@ impl Work {
     }
 }
 
+/// Whether a fit has been asked to stop.
 pub(crate) fn is_set(interrupt: Option<&AtomicBool>) -> bool {
     interrupt.is_some_and(|interrupt| interrupt.load(Ordering::Relaxed))
 }

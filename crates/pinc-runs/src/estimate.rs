@@ -47,9 +47,9 @@ impl fmt::Display for Estimated {
 /// row per row of the data, to the file `output`, if there is one. The model is `only`, or the
 /// first numerical one of the config; the net of the file `model`, if that is given.
 ///
-/// The data have the columns `t`, in steps of T, the inputs and the known parameters, which hold from a
-/// row to the next, and `y_<measured>`, read just before the input changes, whose cells may be empty; other columns are
-/// ignored, except the true states. Before the first row the input is `control.initial_input`, or
+/// The data have the columns `t`, in steps of T, the inputs and the known parameters, which hold from
+/// a row to the next, and `y_<measured>`, read just before the input changes, whose cells may be
+/// empty; other columns are ignored, except the true states. Before the first row the input is `control.initial_input`, or
 /// else the row's own.
 ///
 /// # Errors

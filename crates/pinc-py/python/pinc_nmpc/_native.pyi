@@ -506,8 +506,8 @@ class NmpcBatch:
         ``reference`` is a value per controlled quantity, ``(outputs,)`` or one for each step,
         ``(steps, outputs)``, held over the horizon, or ``(steps, horizon, outputs)``. ``u_before``,
         the input applied last, from where a move leads to its bounds, is ``(m,)`` or ``(steps, m)``,
-        ``control.initial_input`` or 0 if it is not given; from ``control.delay_steps = 2`` on it has all inputs under way, the next to act
-        first: ``(delay, m)`` or ``(steps, delay, m)``. ``parameters`` are those that the property of
+        ``control.initial_input`` or 0 if it is not given; from ``control.delay_steps = 2`` on it has
+        all inputs under way, the next to act first: ``(delay, m)`` or ``(steps, delay, m)``. ``parameters`` are those that the property of
         this name lists, ``(np,)`` or ``(steps, np)``, the config's if they are not given."""
     def gradients(
         self,

@@ -422,7 +422,7 @@ fn a_member_outside_the_range_of_its_parameter_is_counted_or_refused() {
         assert!(answer["u"].is_array(), "{answer}");
         let mut command = pinc(&["check", "--set", "control.models=[\"pinc\"]"]);
         let found = outcome(command.arg(&config).args(&sets[2..4]));
-        let said = "the controller tells the net that k goes down to 2.2 (trained from 2.4 to 3.8)";
+        let said = "the net is used with k down to 2.2, but trained from 2.4 to 3.8";
         assert!(found.stdout.contains(said), "{found:?}");
     }
 }

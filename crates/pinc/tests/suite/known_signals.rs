@@ -4,6 +4,7 @@ use crate::closed::Closed;
 use crate::common::{outcome, pinc};
 use crate::ways::{Served, assert_same};
 use pinc_config::ModelKind;
+use serde_json::json;
 use std::fs;
 use std::path::{Path, PathBuf};
 
@@ -130,8 +131,9 @@ fn an_estimator_that_is_told_a_signal_expects_what_is_measured() {
     assert!(innovation(&unaware) > 1.0, "{}", innovation(&unaware));
 }
 
-/// Served step by step, with its state handed on in between, a controller chooses the inputs of its
-/// loop: with noise, delay, and disturbances and parameters to be estimated.
+/// Served step by step, a controller chooses the inputs of its loop: with noise, delay, and disturbances
+/// and parameters to be estimated. Its state is handed on to another process in between, with the
+/// parameters that it was told last.
 #[test]
 fn a_served_estimator_is_told_what_that_of_a_loop_is_told() {
     let dir = tempfile::tempdir().unwrap();
@@ -158,10 +160,17 @@ fn a_served_estimator_is_told_what_that_of_a_loop_is_told() {
         let closed = Closed::run(run.path(), &config, ModelKind::RK4, &sets);
         let outside = |k: usize| [5.0, -5.0, 12.0][usize::from(k >= 5) + usize::from(k >= 10)];
         let told: Vec<Vec<f64>> = (0..closed.steps.len()).map(|k| vec![outside(k)]).collect();
+        let (measured, [moved, told_again]) = (closed.told(), [7, 9]);
         let mut served = Served::of(&config, ModelKind::RK4, &sets);
-        let answers = served.answers(&closed.told(), &told);
-        assert_same("served", &closed, &answers, 1e-9);
+        let mut answers = served.answers(&measured[..moved], &told[..moved]);
+        let saved = served.ask(&json!({ "command": "save" }));
         served.end();
+        let mut other = Served::of(&config, ModelKind::RK4, &sets);
+        other.ask(&json!({ "command": "restore", "state": saved["state"] }));
+        answers.extend(other.answers(&measured[moved..told_again], &[]));
+        answers.extend(other.answers(&measured[told_again..], &told[told_again..]));
+        assert_same("served", &closed, &answers, 1e-9);
+        other.end();
         // Told a step late, it chooses others.
         let mut late = Served::of(&config, ModelKind::RK4, &sets);
         let told: Vec<Vec<f64>> = (0..told.len()).map(|k| told[k.max(1) - 1].clone()).collect();

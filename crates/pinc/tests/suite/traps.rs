@@ -487,7 +487,7 @@ fn a_rehearsal_has_the_controller_that_is_configured() {
         let (found, control) = tank(more);
         let note = control.violations[0].note(None).0;
         assert!(says(&found, note.trim_end_matches('.')), "{more}: {note} {found:?}");
-        assert!(!says(&found, "the closed loop here"), "{found:?}");
+        assert!(!says(&found, "the rehearsed loop has"), "{found:?}");
         broken.push(control.violations[0].amount);
     }
     broken.sort_by(f64::total_cmp);
@@ -499,7 +499,7 @@ fn a_rehearsal_has_the_controller_that_is_configured() {
     let loads = "loads = [{ start_s = 0.5, rates = { h = 0.2 } }]\n\
                  plant_schedule = [{ start_s = 1.0, values = { a = 0.3 } }]";
     let (found, _) = tank(loads);
-    assert!(says(&found, "without control.plant_schedule, control.loads"), "{found:?}");
+    assert!(says(&found, "it leaves out control.plant_schedule, control.loads"), "{found:?}");
 }
 
 /// What a sensor tells is judged by the plant, not by an unstable step of RK4: a fast actuator hides
