@@ -2,10 +2,6 @@
 
 use pinc_mpc::{MpcError, Nmpc, check_finite};
 
-/// How far beyond what is allowed an input applied before may be, relative to 1 + |limit|: what is
-/// left of it on its way through other number formats.
-const ROUNDED_INPUT: f64 = 1e-6;
-
 /// Rows of `width` numbers: as many as there are items, or one for all of them.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Rows<'a> {
@@ -37,11 +33,7 @@ impl<'a> Rows<'a> {
 }
 
 /// The inputs applied before, in rows of m, or of all that is under way. As of a config, a move within
-/// its bounds leads from the last ones to the inputs' bounds:
-///
-/// ```text
-/// low - most <= u_before <= high - least,   least <= u - u_before <= most,   low <= u <= high
-/// ```
+/// its bounds leads from the last ones to the inputs' bounds.
 pub(crate) fn applied_before<'a>(
     nmpc: &Nmpc,
     values: &'a [f64],
@@ -52,13 +44,9 @@ pub(crate) fn applied_before<'a>(
     let rows = Rows::new(field, values, width, items)?;
     check_finite(field, values, values.len())?;
     let (problem, m) = (nmpc.problem(), nmpc.model().dims().nu);
-    let (inputs, moves) = (&problem.input_bounds, &problem.increment_bounds);
+    let before = problem.input_bounds.before(&problem.increment_bounds);
     for (index, &value) in values.iter().enumerate() {
-        let i = index % m;
-        let (least, most) = (inputs.low[i] - moves.high[i], inputs.high[i] - moves.low[i]);
-        let beyond = (least - value).max(value - most);
-        let limit = if value < least { least } else { most };
-        if index % width >= width - m && beyond > ROUNDED_INPUT * (1.0 + limit.abs()) {
+        if index % width >= width - m && !before.admits(index % m, value) {
             let expected = "where a move within its bounds leads to those of the input";
             return Err(MpcError::Number { field, index, expected, value });
         }

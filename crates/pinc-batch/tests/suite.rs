@@ -296,8 +296,8 @@ fn lists_of_the_wrong_length_are_named() {
     assert!(batch.steps(none).unwrap().u.is_empty());
 }
 
-/// A controller of the oscillator with these weights, a softened bound, and a terminal weight.
-/// Inputs within 0 and 4, with moves from -2 to 1; they act after `delay` steps.
+/// A controller of the oscillator whose inputs are from 0 to 4, moves from -2 to 1, and act after
+/// `delay` steps.
 fn moving(delay: usize) -> Result<Nmpc, MpcError> {
     let model = Rk4::new(VanDerPol::default(), 0.5, 4);
     let problem = NmpcProblem {
@@ -358,6 +358,7 @@ fn inputs_before_lead_to_their_bounds() {
     assert_eq!(error.to_string(), format!("u_before[1] is 9, but {expected}"));
 }
 
+/// A controller of the oscillator with these weights, a softened bound, and a terminal weight.
 fn tuned(q: [f64; 2], r: f64, terminal: f64, penalty: f64) -> Result<Nmpc, MpcError> {
     let model = Rk4::new(VanDerPol::default(), 0.5, 4);
     let weights = Weights::uniform(q.to_vec(), vec![r]).with_terminal(vec![terminal, 1.0]);

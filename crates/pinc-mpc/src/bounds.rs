@@ -46,15 +46,26 @@ impl Bounds {
     /// Checks an applied input: finite, and within the bounds of the first stage up to rounding.
     pub(crate) fn check_applied(&self, u: &[f64]) -> Result<(), MpcError> {
         check_numbers("u_applied", u, "finite", f64::is_finite)?;
-        let least = |low: f64| low - ROUNDED_INPUT * (1.0 + low.abs());
-        let most = |high: f64| high + ROUNDED_INPUT * (1.0 + high.abs());
-        let bounds = self.low.iter().zip(&self.high);
-        for (index, (&value, (&low, &high))) in u.iter().zip(bounds).enumerate() {
-            if value < least(low) || value > most(high) {
-                return Err(MpcError::Applied { index, value, low, high });
-            }
-        }
-        Ok(())
+        let outside = |&(i, value): &(usize, &f64)| !self.admits(i, *value);
+        let Some((index, &value)) = u.iter().enumerate().find(outside) else { return Ok(()) };
+        Err(MpcError::Applied { index, value, low: self.low[index], high: self.high[index] })
+    }
+
+    /// Whether `value` is within the bounds of variable `i` at the first stage, up to rounding.
+    #[must_use]
+    pub fn admits(&self, i: usize, value: f64) -> bool {
+        let room = |bound: f64| ROUNDED_INPUT * (1.0 + bound.abs());
+        (self.low[i] - room(self.low[i])..=self.high[i] + room(self.high[i])).contains(&value)
+    }
+
+    /// From where a move within `moves`, of as many variables, leads into these bounds at the first
+    /// stage: low - most <= u <= high - least.
+    #[must_use]
+    pub fn before(&self, moves: &Self) -> Self {
+        let less = |(bound, by): (&f64, &f64)| bound - by;
+        let low = self.low.iter().zip(&moves.high).map(less).collect();
+        let high = self.high.iter().zip(&moves.low).map(less).collect();
+        Self { low, high }
     }
 
     /// The bounds on `variables` variables at each of these stages, one after the other.

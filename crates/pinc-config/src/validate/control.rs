@@ -7,7 +7,7 @@ use super::values::{
 use super::{Checked, Problem, cost, plant, schedule::increasing};
 use crate::registry::Variables;
 use crate::{ControlSpec, Experiment, ModelKind, OnError};
-use pinc_mpc::{MpcError, Softness, Weight};
+use pinc_mpc::{MpcError, NmpcProblem, Softness, Weight};
 use pinc_ode::Integrator;
 
 /// What is expected of bounds on outputs where there are none.
@@ -64,7 +64,7 @@ pub(super) fn closed_loop(
     // The length of a step does not matter for what is checked here.
     let problem = spec.problem(variables, 1.0);
     problem.validate(variables.dims()).map_err(|error| mpc_finding(&error))?;
-    initial_input(spec, inputs)
+    initial_input(spec, &problem)
 }
 
 fn output_bounds(spec: &ControlSpec, variables: &Variables) -> Checked {
@@ -138,14 +138,13 @@ fn models(spec: &ControlSpec) -> Checked {
 }
 
 /// Checks that a move within its bounds leads from the input before the loop to the input's bounds.
-fn initial_input(spec: &ControlSpec, inputs: usize) -> Checked {
-    for (i, (low, high)) in (0..inputs).zip(spec.input_low.iter().zip(&spec.input_high)) {
-        let before = spec.initial_input.as_ref().map_or(0.0, |input| input[i]);
-        let least = spec.increment_high.as_ref().map_or(f64::NEG_INFINITY, |by| low - by[i]);
-        let most = spec.increment_low.as_ref().map_or(f64::INFINITY, |by| high - by[i]);
-        if !(least..=most).contains(&before) {
+fn initial_input(spec: &ControlSpec, problem: &NmpcProblem) -> Checked {
+    let before = problem.input_bounds.before(&problem.increment_bounds);
+    for (i, (least, most)) in before.low.iter().zip(&before.high).enumerate() {
+        let given = spec.initial_input.as_ref().map_or(0.0, |input| input[i]);
+        if !(least..=most).contains(&&given) {
             let expected = format!("{least} to {most}, from where a move leads to its bounds");
-            return value(&format!("control.initial_input[{i}]"), before, &expected);
+            return value(&format!("control.initial_input[{i}]"), given, &expected);
         }
     }
     Ok(())
