@@ -283,9 +283,7 @@ impl ControlSpec {
             ..NmpcProblem::new(variables.dims(), self.n2, weights)
         }
     }
-}
 
-impl ControlSpec {
     /// Whether the models are told a parameter at given times.
     pub(crate) fn schedules(&self, name: &str) -> bool {
         self.parameter_schedule.iter().any(|step| step.values.contains_key(name))

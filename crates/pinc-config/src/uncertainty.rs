@@ -172,14 +172,17 @@ impl UncertaintySpec {
         self.parameters.keys().filter_map(|name| all.iter().position(|known| known.name == *name))
     }
 
-    /// Whether there is no source of uncertainty.
+    /// The same for models that are no nets; `None` if nothing is left.
     #[must_use]
-    pub fn is_nothing(&self) -> bool {
+    pub fn without_net_error(self) -> Option<Self> {
+        Some(Self { net_error: NetErrorSpec::NONE, ..self }).filter(|of| !of.is_nothing())
+    }
+
+    /// Whether there is no source of uncertainty.
+    pub(crate) fn is_nothing(&self) -> bool {
         let of_steps = self.process_sd.is_empty() && self.boxes.is_empty();
-        of_steps
-            && self.parameters.is_empty()
-            && !self.estimate
-            && self.net_error == NetErrorSpec::NONE
+        let of_model = self.parameters.is_empty() && self.net_error == NetErrorSpec::NONE;
+        of_steps && of_model && !self.estimate
     }
 
     /// The feedback on deviations.

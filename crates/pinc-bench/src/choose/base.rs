@@ -1,8 +1,6 @@
 //! The experiment whose loop the candidates are tried in.
 
-use pinc_config::{
-    ControlSpec, Experiment, ModelKind, NetErrorSpec, OnError, Plants, UncertaintySpec,
-};
+use pinc_config::{ControlSpec, Experiment, ModelKind, OnError, Plants, UncertaintySpec};
 use pinc_net::{Domain, TrainingTarget};
 use pinc_ode::DynPlant;
 use pinc_runs::{RunError, Steps};
@@ -46,10 +44,8 @@ impl Base {
                 control.uncertainty.clone(),
             );
             // Integrators have no error of a net.
-            if let Some(of) = &mut control.uncertainty {
-                of.net_error = NetErrorSpec::NONE;
-            }
-            control.uncertainty.take_if(|of| of.is_nothing());
+            control.uncertainty =
+                control.uncertainty.take().and_then(UncertaintySpec::without_net_error);
             // A section that is not there makes no sense of it; each case says its own model.
             control.models = vec![match experiment.plant.is_black_box() {
                 true => ModelKind::BlackBox,

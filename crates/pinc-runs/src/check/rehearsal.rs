@@ -3,7 +3,7 @@
 use crate::RunError;
 use crate::control::LoopSetup;
 use pinc_check::{Metered, Rehearsal, Work};
-use pinc_config::{ControlSpec, Experiment, ModelKind, NetErrorSpec, UncertaintySpec};
+use pinc_config::{ControlSpec, Experiment, ModelKind, UncertaintySpec};
 use pinc_ode::{Dims, DynPlant, Integrator, Scheme, Trajectory};
 use std::collections::BTreeMap;
 
@@ -68,8 +68,7 @@ pub(super) fn rehearse(
 /// What a tube is made of where there is neither an estimator nor a net; `None` if that is nothing.
 fn known(spec: &ControlSpec) -> Option<UncertaintySpec> {
     let of = spec.uncertainty.clone()?;
-    let known = UncertaintySpec { estimate: false, net_error: NetErrorSpec::NONE, ..of };
-    (!known.is_nothing()).then_some(known)
+    UncertaintySpec { estimate: false, ..of }.without_net_error()
 }
 
 /// The units of work that an iteration of the controller takes for each node of its plan: the model with
