@@ -73,6 +73,15 @@ fn numbers(given: &Given<'_>, name: &str, names: &[String]) -> PyResult<Vec<f64>
     }
 }
 
+/// Like [`numbers`], none of which is missing.
+fn finite(given: &Given<'_>, name: &str, names: &[String]) -> PyResult<Vec<f64>> {
+    let found = numbers(given, name, names)?;
+    match found.iter().all(|number| number.is_finite()) {
+        true => Ok(found),
+        false => Err(input(format!("{name}: expected finite numbers"))),
+    }
+}
+
 #[pymethods]
 impl Estimator {
     #[new]
@@ -99,10 +108,7 @@ impl Estimator {
     fn reset(&self, u: Option<Given<'_>>) -> PyResult<()> {
         let mut of = self.lock();
         let inputs = of.variables.input_names();
-        let given = u.map(|u| numbers(&u, "u", &inputs)).transpose()?;
-        if given.iter().flatten().any(|u| !u.is_finite()) {
-            return Err(input("u: expected finite numbers"));
-        }
+        let given = u.map(|u| finite(&u, "u", &inputs)).transpose()?;
         let u = given.or_else(|| of.initial_input.clone());
         of.filter.reset_input(&u.unwrap_or_else(|| vec![0.0; inputs.len()]));
         Ok(())
@@ -118,10 +124,7 @@ impl Estimator {
     ) -> PyResult<Correction> {
         let (measured, known) = (self.measured(), self.parameters());
         let y = numbers(&y, "y", &measured)?;
-        let told = parameters.map(|p| numbers(&p, "parameters", &known)).transpose()?;
-        if told.iter().flatten().any(|p| !p.is_finite()) {
-            return Err(input("parameters: expected finite numbers"));
-        }
+        let told = parameters.map(|p| finite(&p, "parameters", &known)).transpose()?;
         let of = py.detach(|| {
             let mut of = self.lock();
             if let Some(p) = &told {
