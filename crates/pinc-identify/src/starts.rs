@@ -90,8 +90,9 @@ struct Ended<'a> {
 
 /// Like [`identify`](crate::identify()), from as many starts as there are `models`, which are copies
 /// of one model: the problem's own start, and points of a Sobol sequence within the bounds of the
-/// unknown parameters, scrambled by the seed. Parameters whose bounds are positive and at least tenfold apart are spread
-/// evenly in the logarithm; those with a prior within its standard deviation times root 3.
+/// unknown parameters, scrambled by the seed. Parameters whose bounds are positive and at least
+/// tenfold apart are spread evenly in the logarithm; those with a prior within its standard deviation
+/// times root 3.
 ///
 /// Each start has a short fit. The best few, and the problem's own start, are fitted to the end,
 /// and the best of these is returned; [`Identified::starts`] has them all. Fits run side by side on

@@ -49,8 +49,8 @@ impl fmt::Display for Estimated {
 ///
 /// The data have the columns `t`, in steps of T, the inputs and the known parameters, which hold from
 /// a row to the next, and `y_<measured>`, read just before the input changes, whose cells may be
-/// empty; other columns are ignored, except the true states. Before the first row the input is `control.initial_input`, or
-/// else the row's own.
+/// empty; other columns are ignored, except the true states. Before the first row the input is
+/// `control.initial_input`, or else the row's own.
 ///
 /// # Errors
 ///

@@ -305,15 +305,14 @@ impl Estimating {
         let measurement = chosen.spec.measurement.clone().unwrap_or_default();
         let variables = Variables::of(&*chosen.plant);
         // Parameters that are not estimated are constants of the model.
-        let parameters: (&[f64], &[usize]) = match chosen.estimated.is_empty() {
+        let (values, estimated): (&[f64], &[usize]) = match chosen.estimated.is_empty() {
             true => (&[], &[]),
             false => (&chosen.parameters, &chosen.estimated),
         };
-        let augmentation =
-            spec.augmentation(&measurement, &variables, (parameters.0, parameters.1, &[]));
+        let augmentation = spec.augmentation(&measurement, &variables, (values, estimated, &[]));
         let mut unknowns = vec![0.0; augmentation.unknowns(variables.dims())];
-        let first = unknowns.len() - parameters.1.len();
-        let initial = parameters.1.iter().map(|&place| parameters.0[place]);
+        let first = unknowns.len() - estimated.len();
+        let initial = estimated.iter().map(|&place| values[place]);
         unknowns[first..].iter_mut().zip(initial).for_each(|(to, value)| *to = value);
         Ok(Some(Self { filter, augmentation, tuning: spec.tuning(chosen.spec), unknowns }))
     }

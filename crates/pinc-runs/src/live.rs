@@ -143,7 +143,7 @@ impl LiveController {
         let dims = nmpc.model().dims();
         let observer = LiveEstimator::of(&setup, chosen.kind, &*chosen.plant)?;
         let mut live = Self {
-            unknowns: observer.as_ref().map_or(0, |observer| dims.np - observer.known()),
+            unknowns: observer.as_ref().map_or(0, |of| dims.np - of.augmentation.known.len()),
             observer,
             guard,
             error: vec![0.0; error_log.as_ref().map_or(0, |_| dims.nx)],
@@ -542,11 +542,6 @@ impl LiveEstimator {
             covariance: Vec::new(),
             status: EstimatorStatus::NothingMeasured,
         }))
-    }
-
-    /// How many parameters it is told.
-    fn known(&self) -> usize {
-        self.augmentation.known.len()
     }
 }
 

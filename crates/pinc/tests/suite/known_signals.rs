@@ -97,6 +97,11 @@ fn run(text: &str, more: &[&[&str]]) -> Closed {
     Closed::run(dir.path(), &config, ModelKind::RK4, &more.concat())
 }
 
+/// The temperature outside in step `k`.
+fn outside(k: usize) -> f64 {
+    [5.0, -5.0, 12.0][usize::from(k >= 5) + usize::from(k >= 10)]
+}
+
 /// The largest innovation of an estimator.
 fn innovation(closed: &Closed) -> f64 {
     let rows = &closed.estimates.as_ref().unwrap().rows;
@@ -158,7 +163,6 @@ fn a_served_estimator_is_told_what_that_of_a_loop_is_told() {
         let sets = [common, kind, unknown, &MEASURED].concat();
         let run = tempfile::tempdir().unwrap();
         let closed = Closed::run(run.path(), &config, ModelKind::RK4, &sets);
-        let outside = |k: usize| [5.0, -5.0, 12.0][usize::from(k >= 5) + usize::from(k >= 10)];
         let told: Vec<Vec<f64>> = (0..closed.steps.len()).map(|k| vec![outside(k)]).collect();
         let (measured, [moved, told_again]) = (closed.told(), [7, 9]);
         let mut served = Served::of(&config, ModelKind::RK4, &sets);
@@ -195,9 +199,8 @@ fn recorded_signals_are_told_to_the_estimator() {
         let table = closed.estimates.as_ref().unwrap();
         let mut text = "t,outside,heat,y_window\n".to_owned();
         for (k, row) in table.rows.iter().enumerate() {
-            let outside = [5.0, -5.0, 12.0][usize::from(k >= 5) + usize::from(k >= 10)];
             let (u, y) = (closed.inputs[k][0], row.measured[0]);
-            text += &format!("{},{outside},{u},{y}\n", row.t);
+            text += &format!("{},{},{u},{y}\n", row.t, outside(k));
         }
         let [data, out] = ["data.csv", "out.csv"].map(|name| dir.path().join(name));
         fs::write(&data, &text).unwrap();
