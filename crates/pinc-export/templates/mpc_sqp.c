@@ -199,6 +199,9 @@ static PINC_REAL pinc_size(const PINC_REAL *v, int count)
     return sum;
 }
 
+/* What rounding leaves of distances to limits. */
+#define PINC_ROUNDED PINC_N(1e-11)
+
 /* The residuals of rows with limits: stationarity, violation, product. */
 typedef struct {
     PINC_REAL stationarity;
@@ -213,10 +216,13 @@ static void pinc_see(pinc_residuals *worst, PINC_REAL low, PINC_REAL high, PINC_
     const PINC_REAL size = pinc_abs(mu);
     const PINC_REAL room =
         (mu > PINC_N(0)) ? pinc_max(high, PINC_N(0)) : pinc_max(-low, PINC_N(0));
-    worst->product = pinc_worse(worst->product, (size > PINC_N(0)) ? (size * room) : PINC_N(0));
+    if ((size > PINC_N(0)) && (room > PINC_ROUNDED)) {
+        worst->product = pinc_worse(worst->product, size * room);
+    }
     if (penalty < PINC_INFINITY) {
-        const PINC_REAL lacking = outside * pinc_max(penalty - size, PINC_N(0));
-        worst->product = pinc_worse(worst->product, lacking);
+        const PINC_REAL lacking = pinc_max(penalty - size, PINC_N(0));
+        worst->product = pinc_worse(
+            worst->product, (outside > PINC_ROUNDED) ? (outside * lacking) : PINC_N(0));
         worst->stationarity = pinc_worse(worst->stationarity, size - penalty);
     } else {
         worst->violation = pinc_worse(worst->violation, outside);

@@ -50,8 +50,10 @@ impl fmt::Display for SqpStatus {
 #[serde(rename_all = "kebab-case")]
 #[non_exhaustive]
 pub enum SqpHessian {
-    /// `Adaptive` on a scenario tree, and where the cost leaves inputs free
-    /// ([`NmpcProblem::leaves_inputs_free`]); otherwise `GaussNewton`.
+    /// `Adaptive` on a scenario tree, where the cost leaves inputs free
+    /// ([`NmpcProblem::leaves_inputs_free`]), and where outputs, h or g have bounds: their curvature
+    /// counts as much as their multipliers, which is much where bounds are violated. Otherwise
+    /// `GaussNewton`.
     #[default]
     Auto,
     /// Without the curvature of model, outputs, h and g.
@@ -66,7 +68,12 @@ impl SqpHessian {
     #[must_use]
     pub fn resolve(self, problem: &NmpcProblem) -> Self {
         match self {
-            Self::Auto if !problem.tree().is_chain() || problem.leaves_inputs_free() => {
+            Self::Auto
+                if !problem.tree().is_chain()
+                    || problem.leaves_inputs_free()
+                    || problem.output_bounds.is_some()
+                    || problem.constraints.is_some() =>
+            {
                 Self::Adaptive
             }
             Self::Auto => Self::GaussNewton,

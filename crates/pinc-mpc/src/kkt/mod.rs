@@ -25,7 +25,8 @@ pub struct KktResidual {
     /// By how much a state, an input, an increment, h or g is outside its limits, soft ones apart.
     pub bounds: f64,
     /// Multiplier times distance to its limit, divided by s. Of a soft constraint that is violated:
-    /// violation times what the multiplier lacks of the violation's weight.
+    /// violation times what the multiplier lacks of the violation's weight. Distances and violations
+    /// count from 1e-11 on, which is what rounding leaves.
     pub complementarity: f64,
 }
 
@@ -67,6 +68,10 @@ impl KktResidual {
     }
 }
 
+/// What rounding leaves of distances and violations: times multipliers and weights of 1e5, it would be
+/// above any tolerance that is of use.
+const ROUNDING: f64 = 1e-11;
+
 /// The residuals of rows with limits.
 struct Worst {
     stationarity: f64,
@@ -88,10 +93,11 @@ impl Worst {
         let outside = more(0.0, more(low, -high));
         let room = more(0.0, if mu > 0.0 { high } else { -low });
         // No 0 times infinity, where there is no limit.
-        let product = if mu.abs() > 0.0 { mu.abs() * room } else { 0.0 };
+        let product = if mu.abs() > 0.0 { mu.abs() * beyond_rounding(room) } else { 0.0 };
         self.product = worse(self.product, product);
         if penalty.is_finite() {
-            self.product = worse(self.product, outside * more(0.0, penalty - mu.abs()));
+            let product = beyond_rounding(outside) * more(0.0, penalty - mu.abs());
+            self.product = worse(self.product, product);
             self.stationarity = worse(self.stationarity, mu.abs() - penalty);
         } else {
             self.violation = worse(self.violation, outside);
@@ -109,6 +115,11 @@ fn scale(multipliers: &Multipliers) -> f64 {
         count += part.len();
     }
     residual_scale(sums.iter().sum(), count)
+}
+
+#[inline(always)]
+fn beyond_rounding(distance: f64) -> f64 {
+    if distance > ROUNDING { distance } else { 0.0 }
 }
 
 /// The larger of the two; infinity if `value` is NaN.

@@ -91,6 +91,93 @@ fn soft_bounds_of_a_curved_model_take_few_programs() {
     }
 }
 
+/// Two tanks in a row, with an output of the states and one that depends on the input.
+#[derive(Clone, Debug)]
+struct Tanks;
+
+impl Plant for Tanks {
+    fn states(&self) -> &[Variable] {
+        &NONE[..2]
+    }
+
+    fn inputs(&self) -> &[Variable] {
+        &NONE[..1]
+    }
+
+    fn outputs(&self) -> &[Variable] {
+        &NONE[..2]
+    }
+
+    fn rhs<S: Scalar>(&self, x: &[S], u: &[S], _p: &[S], dx: &mut [S]) {
+        let flow = |level: S| level * 0.4 / (level * 0.3 + 1.0);
+        dx[0] = u[0] - flow(x[0]);
+        dx[1] = flow(x[0]) - flow(x[1]);
+    }
+
+    fn output<S: Scalar>(&self, x: &[S], u: &[S], _p: &[S], y: &mut [S]) {
+        y[0] = x[0] * x[0] + x[1];
+        y[1] = x[0] * x[1] + u[0];
+    }
+}
+
+/// How many of 30 steps of the tanks from `start` do not converge.
+fn failures(start: [f64; 2], r: f64, bound: impl Fn(&mut NmpcProblem)) -> usize {
+    let mut plant = Rk4::new(Tanks, 0.5, 10);
+    let mut problem = NmpcProblem {
+        tracked: vec![Tracked::State(1)],
+        input_bounds: Bounds::new(vec![0.0], vec![3.0]),
+        ..NmpcProblem::new(plant.dims(), 15, Weights::uniform(vec![1.0], vec![r]))
+    };
+    bound(&mut problem);
+    let mut nmpc = Nmpc::new(problem, Box::new(plant.clone()), SqpConfig::default()).unwrap();
+    let mut x = start.to_vec();
+    let mut failures = 0;
+    for k in 0..30 {
+        let step = nmpc.step(&x, &[if k < 10 { 2.0 } else { 4.0 }; 15]).unwrap();
+        failures += usize::from(step.status != SqpStatus::Converged);
+        let (u, mut next) = (step.u.to_vec(), vec![0.0; 2]);
+        plant.step(&x, &u, &[], &mut next);
+        x = next;
+    }
+    failures
+}
+
+/// Their multipliers are up to 8e5, and their curvature is what the programs need: with Gauss-Newton
+/// alone a step ends at 50 QPs.
+#[test]
+fn violated_outputs_converge() {
+    for (start, high, r) in [
+        ([3.06, 10.1], [41.69, 5.16], 0.001166),
+        ([11.27, 8.93], [27.31, 11.59], 0.001081),
+        ([11.61, 10.51], [21.16, 34.62], 0.01744),
+        ([10.41, 7.25], [57.44, 35.72], 0.003478),
+    ] {
+        let bounds = Bounds::new(vec![f64::NEG_INFINITY, 1.0], high.to_vec());
+        let failures = failures(start, r, |problem| {
+            problem.output_bounds = Some(bounds.clone());
+            problem.output_softness = Softness::Exact;
+        });
+        assert_eq!(failures, 0, "{start:?}");
+    }
+}
+
+/// A state is outside its bound by 1e-13, which rounding leaves: times 1e5 it would be above the
+/// tolerance for good.
+#[test]
+fn heavy_penalties_of_states_converge() {
+    for (start, high, r) in [
+        ([1.61, 10.17], [6.58, 3.02], 0.09588),
+        ([0.31, 6.5], [7.63, 3.52], 0.007352),
+        ([5.07, 0.35], [3.33, 3.75], 0.09622),
+    ] {
+        let failures = failures(start, r, |problem| {
+            problem.state_bounds = Bounds::new(vec![0.0, 1.0], high.to_vec());
+            problem.state_softness = Softness::Penalty(vec![1e5; 2]);
+        });
+        assert_eq!(failures, 0, "{start:?}");
+    }
+}
+
 /// x\[k+1\] = u with the output x1^2 + x2^2.
 #[derive(Clone, Debug)]
 struct Placed;
