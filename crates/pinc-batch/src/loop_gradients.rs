@@ -4,7 +4,9 @@ use crate::NmpcBatch;
 use crate::rows::{Rows, applied_before, count};
 use crate::share::share;
 use pinc_mpc::{MpcError, Nmpc, Reference, Tracked};
-use pinc_ode::{Linearization, LinearizationBuffer, Model, OutputLinearization, Stages};
+use pinc_ode::{
+    ArgumentError, Linearization, LinearizationBuffer, Model, OutputLinearization, Stages,
+};
 use pinc_sensitivity::{Given, ProblemDerivative, Regularity, Sensitivity};
 
 /// The cost of a closed loop of K steps,
@@ -93,12 +95,12 @@ impl NmpcBatch {
             ("cost.violations", dims.nx, given.cost.violations.len()),
         ] {
             if expected != found {
-                return Err(MpcError::Length { field, expected, found });
+                return Err(ArgumentError::Length { field, expected, found }.into());
             }
         }
         if given.references.len() != 1 && given.references.len() != loops {
             let (expected, found) = (loops, given.references.len());
-            return Err(MpcError::Length { field: "references", expected, found });
+            return Err(ArgumentError::Length { field: "references", expected, found }.into());
         }
         let x = Rows::new("x", given.x, dims.nx, loops)?;
         let u_before = applied_before(nmpc, given.u_before, dims.nu, loops)?;
@@ -227,7 +229,7 @@ impl Backward<'_> {
             by_x = by_start;
         }
         let Some(mut gradient) = gradient else {
-            return Err(MpcError::Length { field: "references", expected: 1, found: 0 });
+            return Err(ArgumentError::Length { field: "references", expected: 1, found: 0 }.into());
         };
         gradient.get_mut(Given::State).copy_from_slice(&by_x);
         gradient.get_mut(Given::AppliedInput).copy_from_slice(&by_u_later);

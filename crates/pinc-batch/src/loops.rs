@@ -5,7 +5,7 @@ use crate::rows::{Rows, applied_before, count};
 use crate::share::share;
 use pinc_loop::ClosedLoop;
 use pinc_mpc::{MpcError, Nmpc, Reference, SqpStatus};
-use pinc_ode::Simulator;
+use pinc_ode::{ArgumentError, Simulator};
 
 /// What a batch of closed loops is given.
 #[derive(Clone, Copy, Debug)]
@@ -58,7 +58,7 @@ impl NmpcBatch {
             [("references", given.references.len()), ("plants", given.plants.len())]
         {
             if found != 1 && found != loops {
-                return Err(MpcError::Length { field, expected: loops, found });
+                return Err(ArgumentError::Length { field, expected: loops, found }.into());
             }
         }
         let traces = share(&mut self.workers, loops, self.interrupted, |nmpc, k| {

@@ -1,6 +1,7 @@
 //! Rows of numbers, one per item or one for all.
 
 use pinc_mpc::{MpcError, Nmpc, check_finite};
+use pinc_ode::ArgumentError;
 
 /// Rows of `width` numbers: as many as there are items, or one for all of them.
 #[derive(Clone, Copy, Debug)]
@@ -22,7 +23,7 @@ impl<'a> Rows<'a> {
         if found == expected || shared {
             Ok(Self { values, width, shared })
         } else {
-            Err(MpcError::Length { field, expected, found })
+            Err(ArgumentError::Length { field, expected, found }.into())
         }
     }
 
@@ -48,7 +49,7 @@ pub(crate) fn applied_before<'a>(
     for (index, &value) in values.iter().enumerate() {
         if index % width >= width - m && !before.admits(index % m, value) {
             let expected = "where a move within its bounds leads to those of the input";
-            return Err(MpcError::Number { field, index, expected, value });
+            return Err(ArgumentError::Number { field, index, expected, value }.into());
         }
     }
     Ok(rows)
@@ -58,5 +59,9 @@ pub(crate) fn applied_before<'a>(
 pub(crate) fn count(field: &'static str, values: &[f64], width: usize) -> Result<usize, MpcError> {
     let items = values.len() / width.max(1);
     let (expected, found) = (items * width, values.len());
-    if found == expected { Ok(items) } else { Err(MpcError::Length { field, expected, found }) }
+    if found == expected {
+        Ok(items)
+    } else {
+        Err(ArgumentError::Length { field, expected, found }.into())
+    }
 }

@@ -8,7 +8,7 @@ use pinc_mpc::{
     Tracked, Trust, check_finite,
 };
 use pinc_ode::metrics::Tracking;
-use pinc_ode::{Simulator, Trajectory};
+use pinc_ode::{ArgumentError, Simulator, Trajectory};
 
 /// Points of the dense trace per control step, the last one at its end.
 const POINTS: usize = 9;
@@ -137,7 +137,7 @@ impl<'a> ClosedLoop<'a> {
             ("the reference's outputs", outputs, reference.outputs()),
         ] {
             if found != expected {
-                return Err(MpcError::Length { field, expected, found });
+                return Err(ArgumentError::Length { field, expected, found }.into());
             }
         }
         check_finite("the initial state", x, dims.nx)?;

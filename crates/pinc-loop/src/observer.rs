@@ -1,6 +1,7 @@
 //! The source of the state, for a plant that is only measured.
 
 use pinc_mpc::{MpcError, check_finite};
+use pinc_ode::ArgumentError;
 use std::fmt::Debug;
 
 /// Sensors and an estimator between the plant of a [`ClosedLoop`](crate::ClosedLoop) and its
@@ -62,7 +63,7 @@ impl<'a> Watch<'a> {
     pub(crate) fn tell(&mut self, p: &[f64]) -> Result<(), MpcError> {
         let Some(first) = self.parameters.len().checked_sub(p.len()) else {
             let (expected, found) = (self.parameters.len(), p.len());
-            return Err(MpcError::Length { field: "parameters", expected, found });
+            return Err(ArgumentError::Length { field: "parameters", expected, found }.into());
         };
         check_finite("parameters", p, p.len())?;
         self.parameters[first..].copy_from_slice(p);

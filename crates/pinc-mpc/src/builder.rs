@@ -99,7 +99,7 @@ impl NmpcBuilder {
     ///
     /// # Errors
     ///
-    /// [`MpcError::Length`] if the substitute is for a problem of other sizes, and [`MpcError`] if
+    /// [`MpcError::Argument`] if the substitute is for a problem of other sizes, and [`MpcError`] if
     /// the problem does not suit the models, these do not make up the horizon, or
     /// the configuration is no sensible choice.
     pub fn build(self) -> Result<Nmpc, MpcError> {

@@ -1,7 +1,7 @@
 //! Errors of a control problem or a closed loop.
 
 use crate::Tracked;
-use pinc_ode::OdeError;
+use pinc_ode::{ArgumentError, OdeError};
 use pinc_qp::QpError;
 use thiserror::Error;
 
@@ -11,16 +11,9 @@ use thiserror::Error;
 #[derive(Clone, Debug, Error, PartialEq)]
 #[non_exhaustive]
 pub enum MpcError {
-    /// A list of the wrong length.
-    #[error("{field}: {found} numbers, but {expected} are expected")]
-    Length {
-        /// What the list is.
-        field: &'static str,
-        /// The length it must have.
-        expected: usize,
-        /// The length it has.
-        found: usize,
-    },
+    /// A list that does not fit what it is for.
+    #[error(transparent)]
+    Argument(#[from] ArgumentError),
     /// A whole number outside its range, as a horizon.
     #[error("{field} is {found}, but must be from {low} to {high}")]
     Range {
@@ -54,12 +47,6 @@ pub enum MpcError {
         low: f64,
         /// Its bounds.
         high: f64,
-    },
-    /// A parameter of which scenarios have two values at a time.
-    #[error("scenarios.parameters names place {place} twice")]
-    ScenariosTwice {
-        /// Its place among the model's parameters.
-        place: usize,
     },
     /// Weights of scenarios that are no shares.
     #[error("scenarios.weights add up to {sum}, but must add up to 1")]
@@ -102,18 +89,6 @@ pub enum MpcError {
     /// A method that cannot solve the problem's quadratic programs.
     #[error(transparent)]
     Qp(#[from] QpError),
-    /// A number in a list that it must not hold, as NaN, or a negative weight.
-    #[error("{field}[{index}] is {value}, but must be {expected}")]
-    Number {
-        /// The list the number is in.
-        field: &'static str,
-        /// Its place in it.
-        index: usize,
-        /// What it must be.
-        expected: &'static str,
-        /// What it is.
-        value: f64,
-    },
     /// A setting outside its range.
     #[error("{field} is {value}, but must be {expected}")]
     Setting {
@@ -170,8 +145,7 @@ pub(crate) fn check_length(
     values: &[f64],
     expected: usize,
 ) -> Result<(), MpcError> {
-    let found = values.len();
-    if found == expected { Ok(()) } else { Err(MpcError::Length { field, expected, found }) }
+    Ok(ArgumentError::check_length(field, values.len(), expected)?)
 }
 
 /// Whether every value passes `test`, which `expected` says in words.
@@ -181,10 +155,7 @@ pub(crate) fn check_numbers(
     expected: &'static str,
     test: impl Fn(f64) -> bool,
 ) -> Result<(), MpcError> {
-    match values.iter().position(|&value| !test(value)) {
-        None => Ok(()),
-        Some(index) => Err(MpcError::Number { field, index, expected, value: values[index] }),
-    }
+    Ok(ArgumentError::check_numbers(field, values, expected, test)?)
 }
 
 /// Whether the setting is `good`, which `expected` says in words.
@@ -201,7 +172,7 @@ pub(crate) fn check_setting(
 ///
 /// # Errors
 ///
-/// [`MpcError::Length`] or [`MpcError::Number`].
+/// [`MpcError::Argument`], if not.
 pub fn check_finite(field: &'static str, values: &[f64], expected: usize) -> Result<(), MpcError> {
     check_length(field, values, expected)?;
     check_numbers(field, values, "finite", f64::is_finite)

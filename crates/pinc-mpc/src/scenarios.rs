@@ -2,7 +2,7 @@
 
 use crate::error::{check_finite, check_numbers, check_range};
 use crate::{MpcError, NmpcProblem};
-use pinc_ode::Dims;
+use pinc_ode::{ArgumentError, Dims};
 use pinc_qp::{OcpDims, Tree};
 
 /// The most nodes that a tree may have: memory is allocated for them.
@@ -73,12 +73,7 @@ impl Scenarios {
         let branches = self.values.len();
         check_range("the branches of scenarios", branches, 1, usize::MAX)?;
         check_range("the parameters of scenarios", self.parameters.len(), 1, dims.np)?;
-        for (i, &place) in self.parameters.iter().enumerate() {
-            check_range("scenarios.parameters", place, 0, dims.np - 1)?;
-            if self.parameters[..i].contains(&place) {
-                return Err(MpcError::ScenariosTwice { place });
-            }
-        }
+        ArgumentError::check_places("scenarios.parameters", &self.parameters, dims.np)?;
         for values in &self.values {
             check_finite("scenarios.values of a branch", values, self.parameters.len())?;
         }

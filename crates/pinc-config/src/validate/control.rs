@@ -8,7 +8,7 @@ use super::{Checked, Problem, cost, plant, schedule::increasing};
 use crate::registry::Variables;
 use crate::{ControlSpec, Experiment, ModelKind, OnError};
 use pinc_mpc::{MpcError, NmpcProblem, Softness, Weight};
-use pinc_ode::Integrator;
+use pinc_ode::{ArgumentError, Integrator};
 
 /// What is expected of bounds on outputs where there are none.
 pub(super) const NO_OUTPUTS: &str = "no such key: the plant has no outputs that are not states";
@@ -258,10 +258,10 @@ fn plant_in_the_loop(
 /// A finding from an error of pinc-mpc about the control problem.
 fn mpc_finding(error: &MpcError) -> (String, Problem) {
     let (field, found, expected) = match error {
-        MpcError::Number { field, value, expected, .. } => {
+        MpcError::Argument(ArgumentError::Number { field, value, expected, .. }) => {
             (*field, value.to_string(), (*expected).to_owned())
         }
-        MpcError::Length { field, found, expected } => {
+        MpcError::Argument(ArgumentError::Length { field, found, expected }) => {
             (*field, format!("{found} numbers"), format!("{expected}"))
         }
         MpcError::Range { field, found, low, high } => {

@@ -16,7 +16,7 @@ use crate::scenarios::AtNodes;
 use crate::solution::Solution;
 use crate::sqp::{Outcome, PlanState, Sqp, StepInput};
 use crate::{MpcError, NmpcProblem, PlanSearch, Planner, SqpConfig, SqpStatus};
-use pinc_ode::Model;
+use pinc_ode::{ArgumentError, Model};
 use pinc_qp::{OcpDims, all_finite};
 
 /// For how many steps a plan that was followed goes on without having been improved, while the time
@@ -160,7 +160,7 @@ impl Nmpc {
                 ("the substitute's delay", self.problem.delay, other.problem.delay),
             ] {
                 if found != expected {
-                    return Err(MpcError::Length { field, expected, found });
+                    return Err(ArgumentError::Length { field, expected, found }.into());
                 }
             }
         }

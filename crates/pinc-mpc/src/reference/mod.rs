@@ -5,7 +5,7 @@ mod tests;
 
 use crate::MpcError;
 use crate::error::{check_numbers, check_range, check_setting};
-use pinc_ode::PiecewiseConstant;
+use pinc_ode::{ArgumentError, PiecewiseConstant};
 use std::ops::Range;
 
 /// One reference value per control step, known in advance.
@@ -33,11 +33,12 @@ impl Reference {
         check_range("reference values", values.len(), outputs, usize::MAX)?;
         let ragged = values.len() % outputs;
         if ragged != 0 {
-            return Err(MpcError::Length {
+            return Err(ArgumentError::Length {
                 field: "the last row of the reference",
                 expected: outputs,
                 found: ragged,
-            });
+            }
+            .into());
         }
         check_numbers("reference", &values, "finite", f64::is_finite)?;
         Ok(Self { outputs, steps: values.len() / outputs, values })

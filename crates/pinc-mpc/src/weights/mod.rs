@@ -5,6 +5,7 @@ mod tests;
 
 use crate::MpcError;
 use crate::error::{check_length, check_numbers};
+use pinc_ode::ArgumentError;
 use serde::{Deserialize, Serialize};
 
 /// The weights of the cost, at each stage.
@@ -221,7 +222,7 @@ impl Weight {
 
 fn check_full(field: &'static str, rows: &[Vec<f64>], expected: usize) -> Result<(), MpcError> {
     if rows.len() != expected {
-        return Err(MpcError::Length { field, expected, found: rows.len() });
+        return Err(ArgumentError::Length { field, expected, found: rows.len() }.into());
     }
     for row in rows {
         check_length(field, row, expected)?;

@@ -6,7 +6,7 @@ use pinc_mpc::{
     Bounds, MpcError, Nmpc, NmpcProblem, PerStage, Softness, SqpConfig, SqpStatus, Tracked, Weight,
     Weights,
 };
-use pinc_ode::Rk4;
+use pinc_ode::{ArgumentError, Rk4};
 use pinc_plants::VanDerPol;
 
 fn refusal(change: impl FnOnce(&mut NmpcProblem)) -> String {
@@ -138,7 +138,7 @@ fn a_problem_for_another_plant() {
     let refused = Nmpc::new(four_tanks(), Box::new(model), SqpConfig::default());
     assert!(matches!(
         refused.unwrap_err(),
-        MpcError::Length { field: "weights.r", expected: 1, found: 2 }
+        MpcError::Argument(ArgumentError::Length { field: "weights.r", expected: 1, found: 2 })
     ));
 }
 
