@@ -44,6 +44,12 @@ impl PiecewiseConstant {
         self.values[0].len()
     }
 
+    /// When the last value begins, in s.
+    #[must_use]
+    pub fn last_start_s(&self) -> f64 {
+        self.starts_s.last().copied().unwrap_or(0.0)
+    }
+
     /// The value at `t` seconds. A time that differs from a later start time only by rounding
     /// counts as that start, so that `at(k as f64 * step)` is what one expects. "Only by rounding"
     /// means by a relative 1e-11, and by no more than a thousandth of the interval before the

@@ -220,7 +220,7 @@ pub fn export_controller_with(
         guard: judged.then_some(ErrorGuard { tolerance: &tolerance, response }),
         initial_state: &chosen.spec.initial_state,
         initial_input: chosen.spec.initial_input.as_deref(),
-        reference: &setup.reference()?,
+        reference: &setup.reference()?.whole(),
         preview: chosen.spec.preview,
         budget_us: chosen.spec.budget_us,
         estimator: estimating.as_ref().map(Estimating::estimation),

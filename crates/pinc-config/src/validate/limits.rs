@@ -58,6 +58,8 @@ pub(super) fn sizes(experiment: &Experiment, dims: Dims) -> Checked {
     }
     let Some(control) = &experiment.control else { return Ok(()) };
     let steps = steps_of(experiment.sample_time_s(), "control.duration_s", control.duration_s)?;
+    let last = control.references.last().map_or(0.0, |last| last.start_s);
+    steps_of(experiment.sample_time_s(), "control.references", last)?;
     at_most("control.repetitions", control.repetitions, POINTS)?;
     let times = steps.saturating_mul(control.repetitions);
     if times > TIMES {

@@ -10,11 +10,14 @@ use std::ops::Range;
 
 /// One reference value per control step, known in advance.
 ///
-/// Value k is what the state *after* step k, x\[k+1\], is compared with.
+/// Value k is what the state *after* step k, x\[k+1\], is compared with. There may be values beyond
+/// the steps of a loop, which its last steps look ahead to.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Reference {
     outputs: usize,
     steps: usize,
+    /// As many values as there are, from `steps` on.
+    rows: usize,
     values: Vec<f64>,
 }
 
@@ -41,16 +44,18 @@ impl Reference {
             .into());
         }
         check_numbers("reference", &values, "finite", f64::is_finite)?;
-        Ok(Self { outputs, steps: values.len() / outputs, values })
+        let steps = values.len() / outputs;
+        Ok(Self { outputs, steps, rows: steps, values })
     }
 
     /// The reference of nothing, where a controller tracks nothing, for so many steps.
     #[must_use]
     pub fn none(steps: usize) -> Self {
-        Self { outputs: 0, steps, values: Vec::new() }
+        Self { outputs: 0, steps, rows: steps, values: Vec::new() }
     }
 
-    /// The values of `signal` at the beginning of each of `steps` steps of `sample_time_s` seconds.
+    /// The values of `signal` at the beginning of each of `steps` steps of `sample_time_s` seconds, and
+    /// those that follow until the signal no longer changes.
     ///
     /// # Errors
     ///
@@ -62,8 +67,16 @@ impl Reference {
     ) -> Result<Self, MpcError> {
         let good = sample_time_s > 0.0 && sample_time_s.is_finite();
         check_setting("sample_time_s", sample_time_s, "positive and finite", good)?;
-        let rows = (0..steps).flat_map(|k| signal.at(k as f64 * sample_time_s));
-        Self::new(rows.copied().collect(), signal.width())
+        check_range("steps", steps, 1, usize::MAX)?;
+        let rows = steps.max(1 + steps_until(signal.last_start_s(), sample_time_s));
+        let values = (0..rows).flat_map(|k| signal.at(k as f64 * sample_time_s));
+        Ok(Self { steps, ..Self::new(values.copied().collect(), signal.width())? })
+    }
+
+    /// The reference with all of its values as steps.
+    #[must_use]
+    pub fn whole(self) -> Self {
+        Self { steps: self.rows, ..self }
     }
 
     /// How many steps there are.
@@ -81,7 +94,7 @@ impl Reference {
     /// The value of step `k`; after the end, the last.
     #[must_use]
     pub fn at(&self, k: usize) -> &[f64] {
-        let k = k.min(self.steps() - 1);
+        let k = k.min(self.rows - 1);
         &self.values[k * self.outputs..(k + 1) * self.outputs]
     }
 

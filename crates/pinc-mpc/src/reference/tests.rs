@@ -29,6 +29,9 @@ fn a_signal_is_sampled_at_the_beginning_of_steps() {
     let signal = PiecewiseConstant::new(vec![0.0, 1.0], vec![vec![5.0], vec![7.0]]).unwrap();
     let reference = Reference::sample(&signal, 4, 0.5).unwrap();
     assert_eq!(reference.values, [5.0, 5.0, 7.0, 7.0]);
+    let early = Reference::sample(&signal, 1, 0.5).unwrap();
+    assert_eq!((early.steps(), early.at(1), early.at(9)), (1, &[5.0][..], &[7.0][..]));
+    assert_eq!(early.whole().segments(), [0..2, 2..3]);
     assert!(Reference::sample(&signal, 0, 0.5).is_err());
     for sample_time_s in [0.0, -0.5, f64::INFINITY] {
         assert!(Reference::sample(&signal, 4, sample_time_s).is_err(), "{sample_time_s}");

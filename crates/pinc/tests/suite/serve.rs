@@ -37,6 +37,32 @@ fn the_served_controller_is_that_of_the_loop() {
     }
 }
 
+/// References that begin after `duration_s` are the controller's all the same: its last steps look
+/// ahead to them, and a served or exported one goes on to them.
+#[test]
+fn references_after_the_end_of_the_loop_are_followed() {
+    let config = repository("configs/van-der-pol/control.toml");
+    let later = "control.references=[{ start_s = 0.0, value = [0.0, 0.0] }, \
+                 { start_s = 12.0, value = [0.5, 0.0] }]";
+    let short = ["--set", later, "--set", "control.duration_s=10.0"];
+    let long = ["--set", later, "--set", "control.duration_s=20.0"];
+    let dir = tempfile::tempdir().unwrap();
+    let whole = Closed::run(&dir.path().join("long"), &config, ModelKind::RK4, &long);
+    let begin = Closed::run(&dir.path().join("short"), &config, ModelKind::RK4, &short);
+    assert_eq!(begin.inputs[..], whole.inputs[..begin.inputs.len()]);
+    let mut served = Served::new(&config, &short);
+    for (k, x) in whole.states.iter().enumerate() {
+        let answer = served.ask(&json!({ "y": x }));
+        assert_eq!(answer["u"], json!(whole.inputs[k]), "{k}");
+    }
+    served.end();
+    let mut export = pinc(&["export", "--to", "c", "--name", "vdp", "--only", "rk4", "--out", "c"]);
+    let exported = outcome(export.arg(&config).args(short).current_dir(dir.path()));
+    assert_eq!(exported.code, Some(0), "{exported:?}");
+    let source = std::fs::read_to_string(dir.path().join("c/vdp_mpc.c")).unwrap();
+    assert!(source.contains("#define VDP_SEGMENTS 2\n"));
+}
+
 /// Given what the estimator of the loop was told, the served one estimates the same, and the
 /// controller chooses the same inputs.
 #[test]
