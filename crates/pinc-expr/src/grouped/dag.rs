@@ -174,11 +174,16 @@ impl Dag {
     }
 
     /// The larger of two values, as [`pinc_ad::Scalar::max`]. Beside a number that is not infinite
-    /// a comparison suffices: where it does not hold the other value is taken, NaN too.
+    /// a comparison suffices: where it does not hold the other value is taken, NaN too. Where both are
+    /// equal the derivative is that of the second, so a number in front makes another node.
     fn maximum(&mut self, a: Id, b: Id) -> Id {
         match self.beside_a_number(a, b) {
             Some([value, number]) => {
-                let test = self.sub(value, number);
+                let one = self.constant(1.0);
+                let test = match number == b {
+                    true => self.sub(value, number),
+                    false => self.node(Op::MulSub, [one, value, number]),
+                };
                 self.choose(test, number, value)
             }
             None => self.node(Op::Max, [a, b]),
@@ -189,7 +194,11 @@ impl Dag {
     fn minimum(&mut self, a: Id, b: Id) -> Id {
         match self.beside_a_number(a, b) {
             Some([value, number]) => {
-                let test = self.sub(number, value);
+                let one = self.constant(1.0);
+                let test = match number == b {
+                    true => self.sub(number, value),
+                    false => self.node(Op::NegMulAdd, [one, value, number]),
+                };
                 self.choose(test, number, value)
             }
             None => self.node(Op::Min, [a, b]),
