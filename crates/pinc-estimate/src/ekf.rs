@@ -2,8 +2,7 @@
 
 use crate::extended::Extended;
 use crate::{Correction, EstimateError, Estimator, EstimatorStatus, Tuning};
-use pinc_mpc::Memory;
-use pinc_ode::{Dims, Model};
+use pinc_ode::{Dims, Memory, Model};
 
 /// The extended Kalman filter, which linearizes the model at the estimate: with a linear model, the
 /// Kalman filter.

@@ -2,8 +2,7 @@
 
 use crate::error::check;
 use crate::{EstimateError, Gate};
-use pinc_mpc::Memory;
-use pinc_ode::{ArgumentError, Dims};
+use pinc_ode::{ArgumentError, Dims, Memory};
 use std::fmt::{self, Debug};
 
 /// An estimator in filter form: at each step [`Estimator::correct`] with what is measured, use the

@@ -2,7 +2,7 @@
 
 use crate::estimator::variances;
 use crate::{EstimateError, EstimatorStatus, Tuning};
-use pinc_mpc::Memory;
+use pinc_ode::Memory;
 
 /// The innovation gate: how far a reading may be from what is expected of it.
 ///

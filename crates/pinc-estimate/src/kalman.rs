@@ -4,7 +4,7 @@ use crate::estimator::{limit, variances, write_diagonal};
 use crate::gate::{Gatekeeper, Judgement};
 use crate::matrix::{add_scaled, dot, factor, multiply, propagate, solve_lower};
 use crate::{Correction, EstimatorStatus, Tuning};
-use pinc_mpc::Memory;
+use pinc_ode::Memory;
 use pinc_qp::{all_finite, symmetrize};
 
 /// A covariance P with the noises that change it, in the form of Joseph: A P A' + Q and (I - K H) P

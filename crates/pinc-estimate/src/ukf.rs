@@ -5,8 +5,7 @@ use crate::gate::{Gatekeeper, Judgement};
 use crate::kalman::subtract;
 use crate::matrix::{add_scaled, dot, factor, solve_lower};
 use crate::{Correction, EstimateError, Estimator, EstimatorStatus, Tuning};
-use pinc_mpc::Memory;
-use pinc_ode::{Dims, Model, Stages};
+use pinc_ode::{Dims, Memory, Model, Stages};
 use pinc_qp::{all_finite, symmetrize};
 
 /// Merwe's parameters of the sigma points.

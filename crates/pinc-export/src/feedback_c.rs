@@ -7,8 +7,8 @@ use crate::{ExportError, GeneratedFile, golden};
 use pinc_estimate::{
     Augmentation, Augmented, Disturbance, Ekf, Estimator, Gate, Measured, Mhe, Tuning, Ukf,
 };
-use pinc_mpc::{Memory, Nmpc, ProblemUnits};
-use pinc_ode::{Dims, Model};
+use pinc_mpc::{Nmpc, ProblemUnits};
+use pinc_ode::{Dims, Memory, Model};
 
 /// The estimator of a controller: which one, of what, and how it is tuned.
 #[derive(Clone, Copy, Debug)]

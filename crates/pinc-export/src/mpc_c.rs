@@ -14,8 +14,8 @@ use crate::start_c::set_start;
 use crate::template::{Template, array, constant, places, table};
 use crate::tube_c::set_tube;
 use crate::{ExportError, GeneratedFile, Name, feedback_c};
-use pinc_mpc::{Memory, Nmpc, ProblemUnits, Softness, Weight};
-use pinc_ode::Dims;
+use pinc_mpc::{Nmpc, ProblemUnits, Softness, Weight};
+use pinc_ode::{Dims, Memory};
 
 /// Steps of the self-test.
 const STEPS: usize = 20;

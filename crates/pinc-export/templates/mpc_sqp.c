@@ -727,7 +727,7 @@ static pinc_status pinc_judge(pinc_mpc *m, pinc_status status)
     }
     (void)pinc_residual(m, &m->qp[m->at], &judged->m);
     if ((m->elastic != 0) && (m->bounds_residual > PINC_KKT_TOLERANCE) &&
-        (status == PINC_CONVERGED)) {
+        ((status == PINC_CONVERGED) || (status == PINC_STALLED))) {
         status = PINC_INFEASIBLE_QP;
     }
     return (pinc_finite(m->kkt) != 0) ? status : PINC_NUMERICAL_TROUBLE;

@@ -1,7 +1,7 @@
 //! Plans with whole inputs, against the best of all of them.
 
 use pinc_integer::{BranchAndBound, sum_up};
-use pinc_mpc::{Bounds, Nmpc, NmpcProblem, SqpStatus, Weights};
+use pinc_mpc::{Bounds, Nmpc, NmpcProblem, Softness, SqpStatus, Weights};
 use pinc_ode::{Model, Rk4};
 use pinc_plants::{FourTanks, VanDerPol};
 
@@ -23,14 +23,17 @@ fn cost(mut x: [f64; 2], inputs: &[f64]) -> f64 {
     sum
 }
 
+/// All inputs of -1, 0 and 1.
+fn all_inputs() -> impl Iterator<Item = Vec<f64>> {
+    (0..3_u32.pow(u32::try_from(STAGES).unwrap())).map(|number| {
+        let digit = |place: u32| f64::from(number / 3_u32.pow(place) % 3) - 1.0;
+        (0..u32::try_from(STAGES).unwrap()).map(digit).collect()
+    })
+}
+
 /// The least cost of all inputs of -1, 0 and 1.
 fn least(x: [f64; 2]) -> f64 {
-    let all = (0..3_u32.pow(u32::try_from(STAGES).unwrap())).map(|number| {
-        let digit = |place: u32| f64::from(number / 3_u32.pow(place) % 3) - 1.0;
-        let inputs: Vec<f64> = (0..u32::try_from(STAGES).unwrap()).map(digit).collect();
-        cost(x, &inputs)
-    });
-    all.fold(f64::INFINITY, f64::min)
+    all_inputs().map(|inputs| cost(x, &inputs)).fold(f64::INFINITY, f64::min)
 }
 
 fn controller(programs: usize) -> Nmpc {
@@ -54,6 +57,82 @@ fn the_plan_costs_no_more_than_any_other() {
         assert!(inputs.iter().all(|u| u.fract() == 0.0), "{inputs:?}");
         assert!((found - cost(x, inputs)).abs() < 1e-6 * found, "{found} {}", cost(x, inputs));
         assert!(found < least(x) * (1.0 + 1e-6), "{x:?}: {found} {}", least(x));
+    }
+}
+
+/// By how much the states from `x` on are outside their bounds of 0.4, in sum.
+fn violation(mut x: [f64; 2], inputs: &[f64]) -> f64 {
+    let (mut model, mut sum) = (model(), 0.0);
+    for u in inputs {
+        let mut next = [0.0; 2];
+        model.step(&x, &[*u], &[], &mut next);
+        sum += next.iter().map(|state| (state.abs() - 0.4).max(0.0)).sum::<f64>();
+        x = next;
+    }
+    sum
+}
+
+/// Whole plans are compared by what they cost with their violations: one that keeps all bounds is
+/// better where violations count most, and a penalty is part of the cost.
+#[test]
+fn violations_count_among_whole_plans() {
+    let starts = [[0.5, 0.0], [-0.3, 0.6], [0.9, -0.4], [0.1, 0.2], [-0.6, 0.3], [0.45, 0.3]];
+    for (softness, weight) in [(Softness::Exact, 1e6), (Softness::Penalty(vec![3.0; 2]), 3.0)] {
+        let problem = NmpcProblem {
+            input_bounds: Bounds::new(vec![-1.0], vec![1.0]),
+            state_bounds: Bounds::new(vec![-0.4; 2], vec![0.4; 2]),
+            state_softness: softness.clone(),
+            ..NmpcProblem::new(model().dims(), STAGES, Weights::uniform(vec![0.1; 2], vec![0.5]))
+        };
+        let search = BranchAndBound::new(&problem, &[0], 5000, &[0.5; STAGES]);
+        let builder = Nmpc::builder(problem).model(Box::new(model()));
+        let mut nmpc = builder.search(Box::new(search)).build().unwrap();
+        // The costs above, with Q of 0.1.
+        let price = |x: [f64; 2], inputs: &[f64]| {
+            let changes = inputs.iter().scan(0.0, |before, u| {
+                let change = u - *before;
+                *before = *u;
+                Some(0.5 * change * change)
+            });
+            let changes = changes.sum::<f64>();
+            changes + 0.01 * (cost(x, inputs) - changes) + weight * violation(x, inputs)
+        };
+        for x in starts {
+            nmpc.reset();
+            nmpc.step(&x, &[0.0; 2 * STAGES]).unwrap();
+            let found = price(x, nmpc.plan().inputs());
+            let least = all_inputs().map(|inputs| price(x, &inputs)).fold(f64::INFINITY, f64::min);
+            assert!(found < least * (1.0 + 1e-6), "{softness:?}, {x:?}: {found} {least}");
+        }
+    }
+}
+
+/// Bounds of 1e5 around moves of 1 bound nothing: the plans are those of narrow bounds.
+#[test]
+fn wide_bounds_change_no_plan() {
+    let inputs = |bound: f64| {
+        let problem = NmpcProblem {
+            input_bounds: Bounds::new(vec![-2.0], vec![bound]),
+            increment_bounds: Bounds::new(vec![-1.0], vec![1.0]),
+            state_bounds: Bounds::new(vec![-0.6; 2], vec![0.6; 2]),
+            ..NmpcProblem::new(model().dims(), STAGES, Weights::uniform(vec![1.0; 2], vec![0.01]))
+        };
+        let search = BranchAndBound::new(&problem, &[0], 5000, &[0.5; STAGES]);
+        let builder = Nmpc::builder(problem).model(Box::new(model()));
+        let mut nmpc = builder.search(Box::new(search)).build().unwrap();
+        let (mut x, mut inputs) = (vec![0.3, -0.3], Vec::new());
+        for _ in 0..12 {
+            let step = nmpc.step(&x, &[0.4, 0.0].repeat(STAGES)).unwrap();
+            assert_eq!(step.status, SqpStatus::Converged, "{bound}: {step:?}");
+            let (u, mut next) = (step.u.to_vec(), vec![0.0; 2]);
+            model().step(&x, &u, &[], &mut next);
+            inputs.extend(u);
+            x = next;
+        }
+        inputs
+    };
+    for bound in [1e3, 1e5, 1e9] {
+        assert_eq!(inputs(bound), inputs(4.0), "{bound}");
     }
 }
 

@@ -122,7 +122,7 @@ impl NmpcBuilder {
         }
         let horizon = Horizon::new(models, problem.horizon, problem.tree())?;
         if !horizon.is_uniform() && !problem.tree().is_chain() {
-            return Err(MpcError::UnequalScenarios);
+            return Err(MpcError::WithScenarios("stages of different lengths"));
         }
         let mut sqp = Sqp::new(&problem, config, &horizon, stage_cost)?;
         if let Some(tube) = tube {

@@ -48,18 +48,9 @@ pub enum MpcError {
         /// Its bounds.
         high: f64,
     },
-    /// Weights of scenarios that are no shares.
-    #[error("scenarios.weights add up to {sum}, but must add up to 1")]
-    ScenarioWeights {
-        /// Their sum.
-        sum: f64,
-    },
-    /// Scenarios on stages of different lengths.
-    #[error("scenarios need stages of equal length")]
-    UnequalScenarios,
-    /// Scenarios behind a delay, over which one branch alone would be predicted.
-    #[error("scenarios do not go with a delay")]
-    DelayedScenarios,
+    /// Scenarios where none can be.
+    #[error("scenarios do not go with {0}")]
+    WithScenarios(&'static str),
     /// A quantity that is tracked twice.
     #[error("tracked names {tracked} twice")]
     TrackedTwice {

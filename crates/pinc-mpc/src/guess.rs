@@ -1,7 +1,7 @@
 //! A controller's memory of its plan.
 
-use crate::memory::Memory;
 use crate::sqp::PlanState;
+use pinc_ode::Memory;
 
 /// What the plan is worth as the first guess of the next step.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

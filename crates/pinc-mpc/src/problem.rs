@@ -129,8 +129,13 @@ impl NmpcProblem {
     /// The most that a multiplier of state `i` may be, at the end of the horizon or before.
     #[must_use]
     pub fn state_penalty(&self, i: usize, at_end: bool) -> f64 {
-        let is_met = at_end && (self.periodic.contains(&i) || self.end_states.contains(&i));
+        let is_met = at_end && self.is_met_at_end(i);
         if is_met { f64::INFINITY } else { self.state_softness.penalty(i) }
+    }
+
+    /// Whether the bounds of state `i` at the end are met whatever the softness.
+    pub(crate) fn is_met_at_end(&self, i: usize) -> bool {
+        self.periodic.contains(&i) || self.end_states.contains(&i)
     }
 
     /// Checks the problem against a model of dimensions `dims`.

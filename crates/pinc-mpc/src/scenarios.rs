@@ -1,6 +1,6 @@
 //! Scenario trees.
 
-use crate::error::{check_finite, check_numbers, check_range};
+use crate::error::{check_finite, check_numbers, check_range, check_setting};
 use crate::{MpcError, NmpcProblem};
 use pinc_ode::{ArgumentError, Dims};
 use pinc_qp::{OcpDims, Tree};
@@ -68,7 +68,8 @@ impl Scenarios {
     /// Checks them for a problem with a model of dimensions `dims`.
     pub(crate) fn validate(&self, problem: &NmpcProblem, dims: Dims) -> Result<(), MpcError> {
         if problem.delay > 0 {
-            return Err(MpcError::DelayedScenarios);
+            // One branch alone would be predicted over it.
+            return Err(MpcError::WithScenarios("a delay"));
         }
         let branches = self.values.len();
         check_range("the branches of scenarios", branches, 1, usize::MAX)?;
@@ -80,9 +81,7 @@ impl Scenarios {
         check_finite("scenarios.weights", &self.weights, branches)?;
         check_numbers("scenarios.weights", &self.weights, "positive", |weight| weight > 0.0)?;
         let sum = self.weights.iter().sum::<f64>();
-        if (sum - 1.0).abs() > ROUNDING {
-            return Err(MpcError::ScenarioWeights { sum });
-        }
+        check_setting("the sum of scenarios.weights", sum, "1", (sum - 1.0).abs() <= ROUNDING)?;
         let most = if branches > 1 { problem.control_horizon - 1 } else { problem.horizon };
         check_range("scenarios.robust_horizon", self.robust_horizon, 1, most)?;
         let scenarios = self.tree().map_or(usize::MAX, Tree::scenarios);

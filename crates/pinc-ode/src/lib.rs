@@ -25,6 +25,7 @@ mod error;
 mod feedthrough;
 mod integrator;
 mod loaded;
+mod memory;
 pub mod metrics;
 mod model;
 mod output;
@@ -52,6 +53,7 @@ pub use dyn_plant::{
 pub use error::OdeError;
 pub use integrator::{Integrator, Scheme};
 pub use loaded::Loaded;
+pub use memory::Memory;
 pub use model::{
     Dims, Gradients, Linearization, LinearizationBuffer, Model, OutputLinearization,
     OutputLinearizationBuffer, Stages,

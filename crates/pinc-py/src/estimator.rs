@@ -4,7 +4,7 @@ use crate::arrays::{Array, Given, array, vector};
 use crate::controller::{GivenModel, Origin, OriginParts};
 use crate::errors::input;
 use crate::work::lock;
-use pinc_mpc::Memory;
+use pinc_ode::Memory;
 use pinc_runs::ConfigEstimator;
 use pyo3::prelude::*;
 use pyo3::types::PyTuple;

@@ -2,8 +2,7 @@
 
 use super::live::LiveController;
 use crate::RunError;
-use pinc_mpc::Memory;
-use pinc_ode::Variable;
+use pinc_ode::{Memory, Variable};
 use serde::{Deserialize, Serialize};
 
 /// What a [`LiveController`] knows from its past: the plan, the inputs under way, the estimate. A

@@ -11,8 +11,7 @@ use self::window::Window;
 use crate::estimator::variances;
 use crate::extended::Extended;
 use crate::{Correction, EstimateError, Estimator, EstimatorStatus, Tuning};
-use pinc_mpc::Memory;
-use pinc_ode::{Dims, Model};
+use pinc_ode::{Dims, Memory, Model};
 use pinc_qp::{Multipliers, QpStatus};
 
 /// The residual of the optimality conditions at which the iteration ends.

@@ -1,7 +1,6 @@
 //! A moving horizon estimator's memory of the last steps.
 
-use pinc_mpc::Memory;
-use pinc_ode::Dims;
+use pinc_ode::{Dims, Memory};
 
 /// The states, inputs and measurements of a window of up to N steps, and what was expected of each
 /// state before it was measured. It grows until it is full, and then moves on.

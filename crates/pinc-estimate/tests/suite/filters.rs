@@ -2,8 +2,7 @@
 
 use crate::support::{oscillator, tanks};
 use pinc_estimate::{Ekf, Estimator, EstimatorStatus, Mhe, Tuning, Ukf};
-use pinc_mpc::Memory;
-use pinc_ode::{Dims, Linearization, Model, OutputLinearization, Stages};
+use pinc_ode::{Dims, Linearization, Memory, Model, OutputLinearization, Stages};
 use proptest::prelude::*;
 
 /// x+ = A x + B u, y = C x + D u.

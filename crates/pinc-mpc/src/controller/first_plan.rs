@@ -135,6 +135,7 @@ impl Nmpc {
     ) -> (Outcome, Option<usize>) {
         let Some(mut best) = self.best.take() else { return (found, None) };
         best.copy_from(&self.plan);
+        self.sqp.keep_weight();
         let (mut outcome, mut iterations) = (found, found.iterations);
         let mut least = self.whole_cost(&found);
         let starts = if is_cold { self.config.starts } else { 1 };

@@ -2,7 +2,7 @@
 
 use super::Nmpc;
 use crate::guess::Phase;
-use crate::memory::Memory;
+use pinc_ode::Memory;
 
 impl Nmpc {
     /// Takes over what the next step of `other`, a controller for the same problem, starts from.

@@ -25,6 +25,7 @@ impl Nmpc {
         let Some(search) = self.search.as_mut().filter(|_| good) else { return found };
         let reference = self.at_nodes.as_mut().map_or(reference, |nodes| nodes.spread(reference));
         let targets = Targets { reference, previous: &self.previous };
+        self.sqp.keep_weight();
         let mut programs = Programs {
             sqp: &mut self.sqp,
             horizon: &mut self.horizon,

@@ -4,9 +4,8 @@
 mod tests;
 
 use crate::horizon::Horizon;
-use crate::memory::Memory;
 use crate::{NmpcProblem, Scenarios};
-use pinc_ode::{Dims, Linearization, Model, Stages};
+use pinc_ode::{Dims, Linearization, Memory, Model, Stages};
 use pinc_qp::{OcpDims, all_finite};
 use pinc_tube::AlongPlan;
 use std::ops::Range;

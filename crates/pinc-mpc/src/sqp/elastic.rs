@@ -2,11 +2,11 @@
 
 use super::hessian::Hessian;
 use super::{Outcome, PlanState, Sqp};
-use crate::SqpStatus;
 use crate::kkt::KktResidual;
 use crate::merit::limits_after;
 use crate::solution::Solution;
-use pinc_qp::{Kind, Qp, Row};
+use crate::{NmpcProblem, Softness, SqpStatus};
+use pinc_qp::{Kind, OcpDims, Qp, Row};
 
 /// The weight of a violation where it cannot be avoided, in terms of the cost's largest slope and
 /// curvature.
@@ -25,6 +25,8 @@ impl Sqp {
         let size = |values: &[f64]| values.iter().fold(0.0_f64, |size, v| size.max(v.abs()));
         let parts = [&qp.gradient, &qp.q, &qp.r, &qp.t, &qp.w];
         let weight = ELASTIC_WEIGHT * parts.map(|part| size(part)).iter().sum::<f64>().max(1.0);
+        let weight = self.weight.filter(|_| self.keeps_weight).unwrap_or(weight);
+        self.weight = Some(weight);
         let states = qp.dims.all_states();
         for qp in [&mut self.qp, &mut self.trial] {
             let rows = qp.bounds.penalty[..states].iter_mut().chain(&mut qp.rows.penalty);
@@ -32,26 +34,30 @@ impl Sqp {
         }
     }
 
+    /// Keeps the weight of violations for the rest of the control step, whose plans are compared.
+    pub(crate) fn keep_weight(&mut self) {
+        self.keeps_weight = true;
+    }
+
     /// Makes them as they were.
     pub(super) fn leave_elastic(&mut self) {
         if self.elastic {
             self.elastic = false;
-            self.restore([true; 3]);
+            self.restore(true);
         }
     }
 
-    /// Gives bounds on states, h and g, and bounds on outputs the penalties that the problem has.
+    /// Gives bounds and rows the penalties that the problem has, `all` of them or all but those that stay
+    /// soft where they have to be.
     #[inline(never)]
-    fn restore(&mut self, [states, general, outputs]: [bool; 3]) {
+    fn restore(&mut self, all: bool) {
         for qp in [&mut self.qp, &mut self.trial] {
-            let dims = qp.dims;
-            if states {
-                qp.bounds.penalty.copy_from_slice(&self.penalties[0]);
-            }
-            for (v, penalty) in qp.rows.penalty.iter_mut().enumerate() {
-                let output = v % dims.rows() >= dims.general();
-                if if output { outputs } else { general } {
-                    *penalty = self.penalties[1][v];
+            let found = [&mut qp.bounds.penalty, &mut qp.rows.penalty];
+            for ((found, own), exact) in found.into_iter().zip(&self.penalties).zip(&self.exact) {
+                for ((found, own), exact) in found.iter_mut().zip(own).zip(exact) {
+                    if all || !exact {
+                        *found = *own;
+                    }
                 }
             }
         }
@@ -74,7 +80,7 @@ impl Sqp {
         conflict: Option<Row>,
     ) -> Outcome {
         if self.elastic {
-            self.restore(self.exact.map(|exact| !exact));
+            self.restore(false);
             outcome.last = match outcome.plan_state {
                 PlanState::Evaluated => self.residual(plan),
                 PlanState::Stepped | PlanState::Partial => {
@@ -91,7 +97,7 @@ impl Sqp {
                 });
                 let worst = worst_row(limits).map(|(_, row)| row);
                 outcome.violated = worst.or(conflict).map(|row| self.transcription.name(row));
-                if outcome.status == SqpStatus::Converged {
+                if matches!(outcome.status, SqpStatus::Converged | SqpStatus::Stalled) {
                     outcome.status = SqpStatus::InfeasibleQp;
                 }
             }
@@ -105,10 +111,25 @@ impl Sqp {
     /// The hard row that the step violates most, of the QP at the plan and beyond the tolerance.
     pub(super) fn broken_by_step(&mut self) -> Option<Row> {
         // What the problem has as soft where it must be is not broken.
-        self.restore(self.exact.map(|exact| !exact));
+        self.restore(false);
         let (excess, row) = worst_row(limits_after(&self.qp, &self.step.d))?;
         (excess > self.config.tolerance).then_some(row)
     }
+}
+
+/// Which bounds and rows the problem has as soft where they have to be. How a plan ends is none of them.
+pub(super) fn exact(problem: &NmpcProblem, dims: OcpDims) -> [Vec<bool>; 2] {
+    let is_exact = |softness: &Softness| *softness == Softness::Exact;
+    let states = is_exact(&problem.state_softness);
+    let bounds = (0..dims.unknowns()).map(|v| {
+        let at_end = v < dims.all_states() && dims.tree.depth(v / dims.nx + 1) == problem.horizon;
+        states && !(at_end && problem.is_met_at_end(v % dims.nx))
+    });
+    let rows = (0..dims.all_rows()).map(|v| match v % dims.rows() < dims.general() {
+        true => is_exact(&problem.constraint_softness),
+        false => is_exact(&problem.output_softness),
+    });
+    [bounds.collect(), rows.collect()]
 }
 
 /// The hard row of which 0 is furthest outside, and by how much.

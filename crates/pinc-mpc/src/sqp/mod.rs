@@ -12,14 +12,14 @@ use crate::cost::Targets;
 use crate::curvature::{At, Purpose};
 use crate::horizon::Horizon;
 use crate::kkt::KktResidual;
-use crate::memory::Memory;
 use crate::merit::{Merit, price_of_violations};
 use crate::solution::Solution;
 use crate::stage_cost::StageCost;
 use crate::transcription::Transcription;
-use crate::{BoundSchedule, MpcError, NmpcProblem, Softness, SqpConfig, SqpStatus, StepWork};
+use crate::{BoundSchedule, MpcError, NmpcProblem, SqpConfig, SqpStatus, StepWork};
 use hessian::{Hessian, HessianChoice};
 use interior::{Interior, Phase};
+use pinc_ode::Memory;
 use pinc_qp::{Anderson, ChosenQp, OcpDims, Qp, QpSolver, QpStatus, QpStep, Row};
 use std::ops::Range;
 
@@ -75,11 +75,13 @@ pub(crate) struct Sqp {
     work: Vec<f64>,
     /// The penalties of bounds and rows as the problem has them.
     penalties: [Vec<f64>; 2],
-    /// Whether those that the problem has as hard stay soft where they have to be: bounds on
-    /// states, h and g, bounds on outputs.
-    exact: [bool; 3],
+    /// Which bounds and rows stay soft where they have to be.
+    exact: [Vec<bool>; 2],
     /// Whether hard constraints are soft for now.
     elastic: bool,
+    /// The last weight of their violations, and whether it stays: plans of one step are compared by it.
+    weight: Option<f64>,
+    keeps_weight: bool,
     /// Where the exact Hessian may be taken, and from one start only: a barrier leads several starts to
     /// the same minimum.
     interior: Option<Interior>,
@@ -134,13 +136,10 @@ impl Sqp {
             prepared: vec![0.0; dims.nx],
             work: vec![0.0; dims.unknowns()],
             penalties: [qp.bounds.penalty.clone(), qp.rows.penalty.clone()],
-            exact: [
-                &problem.state_softness,
-                &problem.constraint_softness,
-                &problem.output_softness,
-            ]
-            .map(|softness| *softness == Softness::Exact),
+            exact: elastic::exact(problem, dims),
             elastic: false,
+            weight: None,
+            keeps_weight: false,
             interior: (exact && config.starts == 1).then(|| Interior::new(&qp, dims)),
             trial: qp.clone(),
             curved: transcription.curved_qp(),
@@ -204,8 +203,9 @@ impl Sqp {
         }
     }
 
-    /// Sets the time of the first stage in s.
+    /// Begins a control step with the time of its first stage in s.
     pub(crate) fn set_time(&mut self, now_s: f64) {
+        (self.weight, self.keeps_weight) = (None, false);
         self.transcription.set_time(now_s);
     }
 

@@ -6,10 +6,9 @@ mod tests;
 use crate::constraints::ConstraintWork;
 use crate::cost::Targets;
 use crate::curvature::LEAST_SIZE;
-use crate::memory::Memory;
 use crate::outputs::OutputRows;
 use crate::{NmpcProblem, Tracked};
-use pinc_ode::Dims;
+use pinc_ode::{Dims, Memory};
 use pinc_qp::{Multipliers, OcpDims, Qp};
 
 /// Quantities between these sizes keep their unit.
@@ -17,6 +16,9 @@ const ORDINARY: [f64; 2] = [0.0625, 1024.0];
 
 /// The cost keeps its unit if the geometric mean of its largest and least weight is between these.
 const ORDINARY_WEIGHT: [f64; 2] = [1e-3, 1e6];
+
+/// Bounds of an input that are wider than so many of its moves do not tell its size.
+const WIDE: f64 = 1e4;
 
 /// A unit that follows the state is made smaller again when the state is below this part of it, ..
 const SMALL: f64 = 0.25;
@@ -69,7 +71,7 @@ impl Units {
             Some(sizes) => sizes.clone(),
             None => problem.state_bounds.sizes(dims.nx),
         };
-        let inputs = problem.input_bounds.sizes(dims.nu);
+        let inputs = input_sizes(problem, dims.nu);
         let place = |state| problem.tracked.iter().position(|t| *t == Tracked::State(state));
         let units = |sizes: &[f64]| -> Vec<f64> {
             sizes.iter().map(|&size| unit(size, ORDINARY)).collect()
@@ -344,6 +346,14 @@ impl Units {
         increments.iter_mut().enumerate().for_each(|(i, v)| scale(v, self.u[i % m]));
         rows.iter_mut().enumerate().for_each(|(i, v)| scale(v, self.rows[i % self.rows.len()]));
     }
+}
+
+/// The sizes of inputs by their bounds, 0 where these are infinite. Bounds may be so wide that they bound
+/// nothing, and all that an input can move in a step is within the tolerance.
+fn input_sizes(problem: &NmpcProblem, inputs: usize) -> Vec<f64> {
+    let moves = problem.increment_bounds.sizes(inputs);
+    let sizes = problem.input_bounds.sizes(inputs).into_iter().zip(moves);
+    sizes.map(|(size, moved)| if moved > 0.0 { size.min(WIDE * moved) } else { size }).collect()
 }
 
 /// By how much the rows of the constraints vary with states and inputs of these sizes, 0 where that

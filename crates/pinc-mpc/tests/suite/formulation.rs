@@ -223,21 +223,23 @@ fn a_penalty_is_a_price() {
 /// Softened bounds leave the end of the horizon where it must be, and the way there soft.
 #[test]
 fn an_end_is_met_whatever_bounds_cost() {
-    let mut problem = out_of_bounds(Softness::Penalty(vec![6.5]));
-    let last = problem.horizon - 1;
-    let side = |of: &[f64], end: f64| [of.repeat(last), vec![end]].concat();
-    let Bounds { low, high } = &problem.state_bounds;
-    problem.state_bounds = Bounds::new(side(low, 0.8), side(high, 0.8));
-    problem.end_states = vec![0];
-    for mut nmpc in controllers(&problem, &Linear::scalar(1.0, 1.0)) {
-        let step = nmpc.step(&[1.5], &[5.0; 3]).unwrap();
-        assert_eq!(step.status, SqpStatus::Converged);
-        let x = nmpc.plan().states();
-        assert!((x[last] - 0.8).abs() < TOLERANCE && x[0] > 1.1, "{x:?}");
-        let out_of_reach = nmpc.step(&[4.5], &[5.0; 3]).unwrap();
-        let violated = out_of_reach.violated.map(|of| of.to_string());
-        assert_eq!(out_of_reach.status, SqpStatus::InfeasibleQp);
-        assert_eq!(violated.as_deref(), Some("given value of x[k+3][0]"));
+    for (softness, is_soft) in [(Softness::Penalty(vec![6.5]), true), (Softness::Exact, false)] {
+        let mut problem = out_of_bounds(softness);
+        let last = problem.horizon - 1;
+        let side = |of: &[f64], end: f64| [of.repeat(last), vec![end]].concat();
+        let Bounds { low, high } = &problem.state_bounds;
+        problem.state_bounds = Bounds::new(side(low, 0.8), side(high, 0.8));
+        problem.end_states = vec![0];
+        for mut nmpc in controllers(&problem, &Linear::scalar(1.0, 1.0)) {
+            let step = nmpc.step(&[1.5], &[5.0; 3]).unwrap();
+            assert_eq!(step.status, SqpStatus::Converged);
+            let x = nmpc.plan().states();
+            assert!((x[last] - 0.8).abs() < TOLERANCE && (x[0] > 1.1) == is_soft, "{x:?}");
+            let out_of_reach = nmpc.step(&[4.5], &[5.0; 3]).unwrap();
+            let violated = out_of_reach.violated.map(|of| of.to_string());
+            assert_eq!(out_of_reach.status, SqpStatus::InfeasibleQp);
+            assert_eq!(violated.as_deref(), Some("given value of x[k+3][0]"));
+        }
     }
 }
 

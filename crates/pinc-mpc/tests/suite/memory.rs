@@ -1,7 +1,7 @@
 //! What is saved of a controller, and restored.
 
-use pinc_mpc::{Bounds, Memory, Nmpc, NmpcProblem, SqpConfig, Tracked, Weights};
-use pinc_ode::{Dims, Linearization, Model, OutputLinearization, Rk4, Stages};
+use pinc_mpc::{Bounds, Nmpc, NmpcProblem, SqpConfig, Tracked, Weights};
+use pinc_ode::{Dims, Linearization, Memory, Model, OutputLinearization, Rk4, Stages};
 use pinc_plants::FourTanks;
 use pinc_tube::{EllipsoidTube, Feedback, Sources, TubeModel, TubeUnits};
 

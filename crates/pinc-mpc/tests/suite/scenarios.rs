@@ -429,11 +429,14 @@ fn scenarios_that_make_no_sense_are_errors() {
     for (change, expected) in [
         (
             (|_, s| s.parameters = vec![2]) as fn(&mut NmpcProblem, &mut Scenarios),
-            "scenarios.parameters is 2, but must be from 0 to 1",
+            "scenarios.parameters has 2, but must name each of 0 to 1 at most once",
         ),
-        (|_, s| *s = Scenarios::grid(vec![0, 0], &[vec![1.0], vec![1.0]], 1), "place 0 twice"),
+        (
+            |_, s| *s = Scenarios::grid(vec![0, 0], &[vec![1.0], vec![1.0]], 1),
+            "has 0, but must name each",
+        ),
         (|_, s| s.values[1] = vec![f64::NAN], "scenarios.values of a branch"),
-        (|_, s| s.weights = vec![0.5, 0.6], "add up to 1.1, but must add up to 1"),
+        (|_, s| s.weights = vec![0.5, 0.6], "the sum of scenarios.weights is 1.1, but must be 1"),
         (|_, s| s.weights = vec![1.5, -0.5], "scenarios.weights"),
         (|_, s| s.robust_horizon = 0, "robust_horizon is 0, but must be from 1 to 3"),
         (|p, _| p.delay = 1, "scenarios do not go with a delay"),
@@ -452,5 +455,5 @@ fn scenarios_that_make_no_sense_are_errors() {
     };
     let long = Box::new(Rk4::new(plant, 20.0, SUBSTEPS));
     let unequal = Nmpc::builder(problem).stages(plant.model(), 2).stages(long, 2).build();
-    assert_eq!(unequal.unwrap_err(), MpcError::UnequalScenarios);
+    assert_eq!(unequal.unwrap_err(), MpcError::WithScenarios("stages of different lengths"));
 }

@@ -7,8 +7,8 @@ use super::{Point, Sqp, StepInput};
 use crate::curvature::Purpose;
 use crate::horizon::Horizon;
 use crate::kkt::KktResidual;
-use crate::memory::Memory;
 use crate::solution::Solution;
+use pinc_ode::Memory;
 use pinc_qp::{Barrier, OcpDims, Qp, QpWork};
 
 /// So many programs are solved before they are slow enough.

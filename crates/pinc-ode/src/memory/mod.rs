@@ -84,19 +84,19 @@ impl<'a> Memory<'a> {
     }
 
     /// Goes through one of these values.
-    pub(crate) fn choice<T: Copy + PartialEq>(&mut self, value: &mut T, all: &[T]) {
+    pub fn choice<T: Copy + PartialEq>(&mut self, value: &mut T, all: &[T]) {
         let mut place = all.iter().position(|one| one == value).unwrap_or_default();
         self.count(&mut place, all.len() - 1);
         *value = all[place];
     }
 
     /// Whether this is a restoration.
-    pub(crate) fn restores(&self) -> bool {
+    pub fn restores(&self) -> bool {
         matches!(self.0, Direction::Restore(..))
     }
 
     /// Takes what was read for damaged.
-    pub(crate) fn refuse(&mut self) {
+    pub fn refuse(&mut self) {
         if let Direction::Restore(_, is_damaged) = &mut self.0 {
             *is_damaged = true;
         }
