@@ -17,6 +17,10 @@ const ORDINARY: [f64; 2] = [0.0625, 1024.0];
 /// The cost keeps its unit if the geometric mean of its largest and least weight is between these.
 const ORDINARY_WEIGHT: [f64; 2] = [1e-3, 1e6];
 
+/// No weight is larger in the unit of the cost: what rounding makes of its gradient would be above the
+/// tolerance.
+const LARGEST_WEIGHT: f64 = 1e7;
+
 /// Bounds of an input that are wider than so many of its moves do not tell its size.
 const WIDE: f64 = 1e4;
 
@@ -141,7 +145,8 @@ impl Units {
             }
         }
         let size = if most > 0.0 { (least * most).sqrt() } else { self.slope.unwrap_or(1.0) };
-        self.cost = unit(size, ORDINARY_WEIGHT);
+        let by_largest = (most / LARGEST_WEIGHT).log2().ceil().exp2();
+        self.cost = unit(size, ORDINARY_WEIGHT).max(by_largest);
         let is_one = |unit: &f64| unit.to_bits() == 1.0_f64.to_bits();
         self.plain = self.x.iter().chain(&self.u).chain(&self.rows).all(is_one);
         self.identity = self.plain && is_one(&self.cost);
