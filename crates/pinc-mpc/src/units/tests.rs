@@ -23,7 +23,7 @@ fn what_has_no_weight_says_nothing_of_the_cost() {
 
 #[test]
 fn no_weight_is_so_large_that_rounding_is_above_the_tolerance() {
-    for (q, r) in [(1.0, 1e8), (1e-3, 1e9), (1e9, 1e-6)] {
+    for (q, r) in [(1.0_f64, 1e8), (1e-3, 1e9), (1e9, 1e-6)] {
         assert!(q.max(r) / cost(q, r) <= LARGEST_WEIGHT, "{q} {r}");
     }
     assert!((cost(1.0, 1e7) - 1.0).abs() < 1e-12);
