@@ -14,7 +14,7 @@ use crate::registry::names;
 use crate::validate;
 use pinc_expr::Equations;
 use pinc_ode::Variable;
-use pinc_toml::{Problem, assign, explain};
+use pinc_toml::{ConfigError, Layers, Problem, assign, explain};
 use std::collections::BTreeMap;
 use std::ops::Range;
 use std::path::PathBuf;
@@ -162,6 +162,14 @@ pub(crate) fn write_out(table: &mut Table, plants: &Plants) -> Checked<AsWritten
     lists.tables(&SOME_INPUTS, &inputs);
     lists.tables(&SOME_OUTPUTS, &outputs);
     Ok(AsWritten { lists: lists.written, ..AsWritten::default() })
+}
+
+/// Refuses lists per output of a plant whose file has the outputs in another order than the plant,
+/// which has them in that of their names.
+pub(crate) fn in_one_order(layers: &Layers) -> Result<(), ConfigError> {
+    let tables = ["plant.expression.outputs", "plant.expression.algebraic"];
+    let mut pairs = PER_OUTPUT.iter().flat_map(|key| tables.map(|table| (key, table)));
+    pairs.try_for_each(|(key, table)| layers.in_order_of_keys(key, table))
 }
 
 /// The names of a plant with arrays, or of any plant if a list is written by name.

@@ -149,6 +149,7 @@ impl Experiment {
         if let Some((key, value)) = first_not_finite(&layers.table, &arrays::BOUNDS) {
             return Err(layers.error(key, Problem::NotFinite(value)));
         }
+        arrays::in_one_order(layers)?;
         let experiment = Self::from_table(std::mem::take(&mut layers.table), plants);
         let mut experiment = experiment.map_err(|(key, problem)| layers.error(key, problem))?;
         path.clone_into(&mut experiment.as_written.file);

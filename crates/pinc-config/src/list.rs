@@ -4,7 +4,7 @@ use crate::experiment::{Experiment, read};
 use crate::plants::Plants;
 use crate::presets::Preset;
 use crate::validate;
-use pinc_toml::{ConfigError, Origin, Problem};
+use pinc_toml::{ConfigError, Problem};
 use serde::Deserialize;
 use std::path::{Path, PathBuf};
 use toml::{Table, Value};
@@ -54,12 +54,8 @@ impl RunList {
             Ok(table) if table.contains_key("runs") => {}
             _ => return Ok(None),
         }
-        let list = Self::from_text(&text).map_err(|(key, problem)| {
-            let line = line_of(&text, &key);
-            let origin = Origin::Line { path: path.to_owned(), line };
-            ConfigError::Key { origin, key, problem: Box::new(problem) }
-        })?;
-        Ok(Some(list))
+        let list = Self::from_text(&text);
+        list.map(Some).map_err(|(key, problem)| ConfigError::at_key(path, &text, key, problem))
     }
 
     fn from_text(text: &str) -> Result<Self, (String, Problem)> {
@@ -100,20 +96,11 @@ impl RunList {
                         found: format!("{} once more", dir.display()),
                         expected: "each pair of name and preset once".to_owned(),
                     };
-                    let origin = Origin::Line { path: path.to_owned(), line: 1 };
-                    let (key, problem) = (format!("runs[{i}]"), Box::new(problem));
-                    return Err(ConfigError::Key { origin, key, problem });
+                    return Err(ConfigError::at_key(path, "", format!("runs[{i}]"), problem));
                 }
                 all.push((experiment, dir));
             }
         }
         Ok(all)
     }
-}
-
-/// The line of the first key on a path, or 1.
-fn line_of(text: &str, key: &str) -> usize {
-    let first = key.split(['.', '[']).next().unwrap_or_default();
-    let begins = |line: &str| line.trim_start_matches('[').trim_start().starts_with(first);
-    text.lines().position(begins).map_or(1, |line| line + 1)
 }

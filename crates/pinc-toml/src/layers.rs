@@ -1,7 +1,7 @@
 //! From a TOML file, a preset's defaults, `--set` and `--unset` to one table of values, every one of
 //! which knows where it was written.
 
-use crate::lines::{LineEnds, around, join, line_of};
+use crate::lines::{LineEnds, around, join, keys_in_order, line_of};
 use crate::overrides::Override;
 use crate::preset::{Differences, PRESETS, Preset, Presets};
 use crate::problem::{ConfigError, Origin, Problem, SetProblem};
@@ -60,7 +60,7 @@ impl Layers {
         let mut file = parse(path, text)?;
         let sets = sets.iter().map(|s| Override::parse(s)).collect::<Result<Vec<_>, _>>()?;
         let origin = |key: &str| Origin::Line { path: path.to_owned(), line: line_of(text, key) };
-        not_a_list(&file, &origin)?;
+        not_a_list(path, text, &file)?;
         let preset = presets.chosen(&file, &sets, &origin)?;
         let Differences { chosen: differences, others } =
             presets.take_differences(&mut file, preset.name, &origin)?;
@@ -111,6 +111,17 @@ impl Layers {
     #[must_use]
     pub fn other_presets(&self) -> &[&'static str] {
         &self.others
+    }
+
+    /// The keys of a table in the order in which the file has them, those of the preset's own part
+    /// among them. Keys of defaults and overrides are none of them: their order is not known.
+    pub(crate) fn keys_as_written(&self, table: &str) -> Vec<String> {
+        let mut keys = keys_in_order(&self.text, &[table.to_owned(), self.in_differences(table)]);
+        keys.retain(|key| {
+            let origin = self.origins.get(&join(table, key));
+            matches!(origin, Some(Source::Text | Source::Difference))
+        });
+        keys
     }
 
     /// A key among the differences of the preset.
@@ -269,7 +280,7 @@ fn parse(path: &Path, text: &str) -> Result<Table, ConfigError> {
 }
 
 /// Refuses a list of runs in the place of an experiment.
-fn not_a_list(file: &Table, in_file: &dyn Fn(&str) -> Origin) -> Result<(), ConfigError> {
+fn not_a_list(path: &Path, text: &str, file: &Table) -> Result<(), ConfigError> {
     if !file.contains_key("runs") {
         return Ok(());
     }
@@ -278,9 +289,5 @@ fn not_a_list(file: &Table, in_file: &dyn Fn(&str) -> Origin) -> Result<(), Conf
         expected: "an experiment: one of the configs of the list (`pinc run` takes lists)"
             .to_owned(),
     };
-    Err(ConfigError::Key {
-        origin: in_file("runs"),
-        key: "runs".to_owned(),
-        problem: Box::new(problem),
-    })
+    Err(ConfigError::at_key(path, text, "runs", problem))
 }

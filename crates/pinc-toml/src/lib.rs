@@ -11,6 +11,7 @@ mod explain;
 mod finite;
 mod layers;
 mod lines;
+mod order;
 mod overrides;
 mod preset;
 mod problem;

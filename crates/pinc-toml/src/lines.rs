@@ -59,6 +59,22 @@ pub(crate) fn line_of(text: &str, key: &str) -> usize {
     around(key, |place| lines.get(place)).copied().unwrap_or(1)
 }
 
+/// The keys of tables in the order in which a text has them; none of a table that it does not have.
+pub(crate) fn keys_in_order(text: &str, tables: &[String]) -> Vec<String> {
+    let Ok(spanned) = DeTable::parse(text) else { return Vec::new() };
+    let mut keys = Vec::new();
+    for path in tables {
+        let table = path.split('.').try_fold(spanned.get_ref(), |table, key| {
+            let child = table.iter().find(|(name, _)| name.get_ref() == key)?.1;
+            if let DeValue::Table(table) = child.get_ref() { Some(table) } else { None }
+        });
+        let own = table.into_iter().flat_map(|table| table.keys());
+        keys.extend(own.map(|key| (key.span().start, key.get_ref().to_string())));
+    }
+    keys.sort();
+    keys.into_iter().map(|(_, key)| key).collect()
+}
+
 /// What there is for a key, or for the innermost table or list around it that has something.
 pub(crate) fn around<T>(key: &str, of: impl Fn(&str) -> Option<T>) -> Option<T> {
     let mut place = key;

@@ -1,9 +1,10 @@
 //! Mistakes in a config, with their place.
 
+use crate::lines::line_of;
 use pinc_expr::{Excerpt, ExpressionError};
 use pinc_ode::Variable;
 use std::fmt;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use thiserror::Error;
 
 /// A config that cannot be used.
@@ -62,6 +63,16 @@ pub enum Origin {
     Set(String),
     /// In the built-in defaults of a preset.
     Preset(&'static str),
+}
+
+impl ConfigError {
+    /// A problem with a key of the file `path`, in the line in which its `text` has the key, or the
+    /// innermost table around it.
+    pub fn at_key(path: &Path, text: &str, key: impl Into<String>, problem: Problem) -> Self {
+        let key = key.into();
+        let origin = Origin::Line { path: path.to_owned(), line: line_of(text, &key) };
+        Self::Key { origin, key, problem: Box::new(problem) }
+    }
 }
 
 impl Problem {

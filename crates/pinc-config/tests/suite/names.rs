@@ -66,6 +66,49 @@ fn a_table_by_name_is_the_list_in_order() {
     assert_eq!(lists, experiment);
 }
 
+/// The file has `level` before `flow`, and the plant the other way round.
+#[test]
+fn different_numbers_for_outputs_in_another_order_are_refused() {
+    for set in ["output_low=[-1.0, -4.0]", "output_softness={ penalty = [1.0, 4.0] }"] {
+        let (key, error) = (set.split('=').next().unwrap(), with(&format!("control.{set}")));
+        let error = error.unwrap_err();
+        assert!(error.contains(&format!("`control.{key}")), "{error}");
+    }
+    let error = with("control.output_high=[1, inf]").unwrap_err();
+    let expected = "[1, inf] given, expected a table by name, as { level = 1, flow = inf } in the \
+        order of the file: the plant's is flow, level";
+    assert!(error.contains(expected), "{error}");
+    // Equal numbers have no order, and an override of the plant's outputs is in none.
+    with("control.output_low=[-1, -1.0]").unwrap();
+    let outputs = "plant.expression.outputs={ level = \"h1\", flow = \"h2\" }";
+    parse(CONFIG, &[outputs, "control.output_high=[4.0, 5.0]"]).unwrap();
+}
+
+#[test]
+fn different_numbers_for_outputs_in_the_order_of_the_plant_are_taken() {
+    let own = "[plant.expression.outputs]\nlevel = \"h1 + h2\"\nflow = \"h1 - h2\"\n";
+    let config = |from: &str, to: &str| {
+        let text = CONFIG.replace("{ flow = 4.0 }", "[4.0, 5.0]");
+        assert!(text.contains(own) && text.contains(from));
+        text.replace(own, "").replace(from, &format!("{from}{to}"))
+    };
+    let (plant, last) = ("[plant.expression]\n", "\"T[2]\" = \"T[1] - T[2]\"\n");
+    let inline = config(plant, "outputs = { flow = \"h1 - h2\", level = \"h1 + h2\" }\n");
+    // Elements of an array are one output.
+    let elements = "\"flow[2]\" = \"h1\"\n\"flow[1]\" = \"h2\"\nlevel = \"h1 + h2\"\n";
+    let elements = config(last, &format!("[plant.expression.outputs]\n{elements}"));
+    // A resolved config has the algebraic variables before the other outputs.
+    let two = "[plant.expression.outputs]\nflow = \"h1 - h2\"\n[plant.expression.algebraic]\n\
+        level = { equation = \"level - h1 - h2\", low = -9.0, high = 9.0 }\n";
+    let two = config(last, two);
+    let resolved = parse(&two, &[]).unwrap().to_toml();
+    let high = |text: &str| parse(text, &[]).unwrap().control.unwrap().output_high.unwrap();
+    for text in [&inline, &two, &resolved] {
+        assert_eq!(high(text), [4.0, 5.0], "{text}");
+    }
+    assert_eq!(high(&elements), [4.0, 4.0, 5.0]);
+}
+
 #[test]
 fn names_that_are_unknown_or_missing_are_reported() {
     for (set, parts) in [
