@@ -196,9 +196,9 @@ pub fn significant(value: f64) -> String {
 pub fn advice(status: &str, model: ModelKind) -> &'static str {
     let is = |known: SqpStatus| known.to_string() == status;
     if is(SqpStatus::InfeasibleQp) {
-        "No plan keeps all bounds, those of end_state and of a cost's inequalities among them: widen them, \
-         lengthen the horizon n2, or let states leave their bounds where they must with \
-         state_softness = \"exact\"."
+        "No plan was found that keeps all bounds, those of end_state and of a cost's inequalities among \
+         them: widen them, lengthen the horizon n2, let states leave their bounds where they must with \
+         state_softness = \"exact\", or allow more of control.integer_programs for whole inputs."
     } else if is(SqpStatus::IterationLimit) {
         "Allow more of control.sqp.max_iterations, try control.sqp.hessian = \"adaptive\", shorten T, or \
          move the references in smaller steps."
@@ -290,6 +290,15 @@ mod tests {
             let notes = metrics(vec![of(model, [None; 3], &stalled)]).loop_notes();
             assert!(notes[0].contains(said) && !notes[0].contains(other), "{notes:?}");
         }
+    }
+
+    /// There may be a plan with whole inputs that the search did not come to.
+    #[test]
+    fn advice_for_infeasible_steps_names_the_programs_for_whole_inputs() {
+        let infeasible = of(ModelKind::RK4, [None; 3], &[(SqpStatus::InfeasibleQp, 30)]);
+        let notes = metrics(vec![infeasible]).loop_notes();
+        assert!(notes[0].contains("No plan was found"), "{notes:?}");
+        assert!(notes[0].contains("control.integer_programs for whole inputs"), "{notes:?}");
     }
 
     /// A mole fraction that is 0.00052 off is not "0.000 off".
