@@ -1,7 +1,7 @@
 //! Poles, jumps and kinks of the equation in the region and a little beyond, and what to write
 //! instead.
 
-use crate::{Finding, Subject, short};
+use crate::{Finding, Subject, rest, short};
 use pinc_analysis::{Crossing, Irregularity, IrregularityKind, Survey, Term, Terms, crossings};
 use pinc_config::PlantSpec;
 use pinc_expr::{CriticalTerm, CriticalTerms, LoneTerm, TermRole};
@@ -44,6 +44,7 @@ pub(crate) fn examine(subject: &Subject<'_>) -> Vec<Finding> {
         seen.push(key);
         findings.push(of_survey(subject, terms.as_ref(), found));
     }
+    findings.extend(terms.as_ref().and_then(|terms| rest::examine(subject, terms)));
     findings
 }
 
@@ -62,7 +63,7 @@ fn serious(is_inside: bool, place: String, what: String) -> Finding {
 }
 
 /// The key of the equation in which a term stands, as far as the config has it.
-fn place(subject: &Subject<'_>, term: &CriticalTerm) -> String {
+pub(crate) fn key_of(subject: &Subject<'_>, term: &CriticalTerm) -> String {
     match &subject.experiment.plant {
         PlantSpec::Expression(_) => format!("plant.expression.{}", term.key),
         plant => format!("plant.{}", plant.name()),
@@ -95,7 +96,7 @@ fn of_terms(subject: &Subject<'_>, survey: &Survey, terms: &CriticalTerms) -> Ve
             _ if is_root && !becomes_negative(subject, &terms.alone(i), &crossing) => continue,
             _ => format!("{function} is not defined beyond"),
         };
-        let place = place(subject, term);
+        let place = key_of(subject, term);
         let where_it_is = whereabouts(subject, crossing.is_inside);
         let what = format!("{problem} {}, {where_it_is}", subject.at(&crossing.before));
         findings.push(
@@ -278,6 +279,6 @@ fn switch(
     let switches = |of: TermRole| of == role || of == TermRole::Switch;
     let found = pairs.find(|(term, (a, b))| switches(term.role) && *a * *b <= 0.0);
     found.map_or_else(String::new, |(term, _)| {
-        format!(" ({}: {} changes sign)", place(subject, term), term.text)
+        format!(" ({}: {} changes sign)", key_of(subject, term), term.text)
     })
 }

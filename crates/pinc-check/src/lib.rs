@@ -29,6 +29,7 @@ mod proven;
 mod references;
 mod region;
 mod rehearsal;
+mod rest;
 mod saturation;
 mod soundness;
 mod stability;

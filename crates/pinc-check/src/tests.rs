@@ -1,7 +1,7 @@
 //! Numbers in findings, and from which numbers on there is one, on plants whose answers are known.
 
 use crate::Severity::{self, Fact, Warning};
-use crate::{Evidence, Finding, ReadMeasurements, Work, check};
+use crate::{Evidence, Finding, Metered, ReadMeasurements, Subject, Work, check, region, rest};
 use pinc_config::{Experiment, Plants};
 use pinc_net::Measurements;
 use pinc_ode::Dims;
@@ -18,6 +18,16 @@ fn findings_beside(
     sets: &[&str],
     read: &ReadMeasurements<'_>,
 ) -> Vec<Finding> {
+    let experiment = experiment(derivatives, sets);
+    check(&*experiment.plant.dyn_plant(), &experiment, &evidence(read))
+}
+
+fn evidence<'a>(read: &'a ReadMeasurements<'a>) -> Evidence<'a> {
+    let work = Work::of_a_check();
+    Evidence { rehearsal: None, cost: None, read, work, progress: &|_, _, _| {} }
+}
+
+fn experiment(derivatives: [&str; 2], sets: &[&str]) -> Experiment {
     let text = format!(
         r#"
         name = "test"
@@ -47,16 +57,7 @@ fn findings_beside(
         derivatives[0], derivatives[1]
     );
     let sets: Vec<_> = sets.iter().map(|set| (*set).to_owned()).collect();
-    let experiment =
-        Experiment::parse("test.toml".as_ref(), &text, &sets, &Plants::built_in()).unwrap();
-    let evidence = Evidence {
-        rehearsal: None,
-        cost: None,
-        read,
-        work: Work::of_a_check(),
-        progress: &|_, _, _| {},
-    };
-    check(&*experiment.plant.dyn_plant(), &experiment, &evidence)
+    Experiment::parse("test.toml".as_ref(), &text, &sets, &Plants::built_in()).unwrap()
 }
 
 /// How serious the only finding with these words is, and the change that it advises.
@@ -187,6 +188,47 @@ fn measurements_outside_the_domain_are_counted() {
     let found = findings_beside(["u - x1", "x1 - x2"], &sets, &read);
     assert_eq!(only(&found, "2 of 5 points lie outside the training domain").0, Warning);
     assert_eq!(only(&found, "5 measured values at 5 points").0, Fact);
+}
+
+/// What is said of a start at rest on a kink.
+fn at_rest(derivatives: [&str; 2], set: &str) -> Option<Finding> {
+    let experiment = experiment(derivatives, &[set]);
+    let plant = experiment.plant.dyn_plant();
+    let evidence = evidence(&|_| Err("no files".to_owned()));
+    let metered = Metered::new(&*plant, &experiment, &evidence.work);
+    evidence.work.begin();
+    let region = region::of(&experiment, plant.dims()).unwrap();
+    let subject = Subject::new((&*plant, &metered), &experiment, region, &evidence);
+    rest::examine(&subject, &experiment.plant.equations().unwrap().critical_terms().unwrap())
+}
+
+/// Of equal arguments the derivative of the second counts: that of max(x2, 0) is 0 at rest.
+#[test]
+fn a_start_at_rest_on_a_kink_without_slopes_is_named() {
+    let zone = "2*max(x2, 0) + 1.2*min(x2, 0) - x1";
+    let found = findings([zone, "u - x2"], &[]);
+    let (severity, change) = only(&found, "the loop starts at rest on a kink");
+    assert_eq!(severity, Warning);
+    assert!(change.contains("control.initial_input"), "{change}");
+    let kink = "(plant.expression.derivatives.x1: x2 - 0 changes sign)";
+    only(&found, &format!("{kink}, where the derivatives of x1 by u are 0"));
+    // Also by way of other states, and if the input itself is on it.
+    assert!(at_rest(["x2 - x1", "abs(u) - x2"], "seed=1").is_some());
+    for (derivatives, set) in [
+        // The derivative is 1, the kink is elsewhere, or the plant leaves it.
+        (["2*max(0, x2) + 1.2*min(0, x2) - x1", "u - x2"], "seed=1"),
+        (["max(x2 - 0.1, 0) - x1", "u - x2"], "seed=1"),
+        ([zone, "u - x2 + 0.1*x1"], "control.initial_state=[0.1, 0.0]"),
+        ([zone, "u - x2"], "control.initial_state=[0.0, 0.1]"),
+        ([zone, "u - x2"], "control.initial_input=[0.001]"),
+        // Another plan is the first one, or what is controlled has a slope, or can have none.
+        ([zone, "u - x2"], "control.first_plan={ input = [0.5] }"),
+        ([zone, "u - x2"], "control.controlled=[\"x2\"]"),
+        (["max(x2, 0) - x1", "-x2"], "seed=1"),
+    ] {
+        let found = at_rest(derivatives, set);
+        assert!(found.is_none(), "{derivatives:?} {set}: {found:?}");
+    }
 }
 
 /// x1 + x2 grows by itself, and x1 - x2 is what is measured, whatever the estimator believes of the
