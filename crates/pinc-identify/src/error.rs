@@ -37,9 +37,9 @@ pub enum IdentifyError {
     #[error("nothing is unknown: name a parameter, or leave the initial state free")]
     NothingUnknown,
     /// There is no recording, or none of two rows.
-    #[error("recording {recording}: {rows} rows, but at least 2 are needed")]
+    #[error("recording {}: {rows} rows, but at least 2 are needed", .recording + 1)]
     TooShort {
-        /// Which one.
+        /// Which one, from 0; in the text, as in files, from 1.
         recording: usize,
         /// How many rows it has.
         rows: usize,
@@ -57,11 +57,12 @@ pub enum IdentifyError {
     },
     /// The model cannot be evaluated anywhere near the start.
     #[error(
-        "the model has no finite value along recording {recording} with the parameters and the \
-         initial state that the fit starts from"
+        "the model has no finite value along recording {} with the parameters and the initial \
+         state that the fit starts from",
+        .recording + 1
     )]
     NotFinite {
-        /// The first one.
+        /// The first one, from 0; in the text from 1.
         recording: usize,
     },
     /// A fit that was asked to stop.

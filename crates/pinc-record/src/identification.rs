@@ -201,10 +201,10 @@ impl ResidualMetrics {
 }
 
 impl MinimumMetrics {
-    /// The costs in groups.
+    /// The costs in groups, without those that are not finite: these fits ended at no minimum.
     #[must_use]
     pub fn of(costs: impl IntoIterator<Item = f64>) -> Vec<Self> {
-        let mut costs: Vec<f64> = costs.into_iter().collect();
+        let mut costs: Vec<f64> = costs.into_iter().filter(|cost| cost.is_finite()).collect();
         costs.sort_by(f64::total_cmp);
         let mut all: Vec<Self> = Vec::new();
         for cost in costs {
@@ -380,6 +380,20 @@ mod tests {
         assert_eq!(metrics.net_of("law[3]").unwrap(), "law");
         assert_eq!(metrics.net_of("law2[1]").unwrap(), "law2");
         assert_eq!([metrics.net_of("law"), metrics.net_of("la[1]")], [None; 2]);
+    }
+
+    /// JSON has no infinity, and the file is read back.
+    #[test]
+    fn fits_without_a_finite_cost_end_at_no_minimum() {
+        let minima = MinimumMetrics::of([f64::INFINITY, 2.0, f64::NAN, 2.001]);
+        assert_eq!(minima, [MinimumMetrics { cost: 2.0, starts: 2 }]);
+        let costs = [Some(2.0), None];
+        let start =
+            |cost| StartMetrics { cost, parameters: BTreeMap::new(), status: String::new() };
+        let starts = costs.map(start).to_vec();
+        let written = IdentificationMetrics { minima, starts, ..metrics() };
+        let read: IdentificationMetrics = serde_json::from_str(&written.to_json()).unwrap();
+        assert_eq!(read, written);
     }
 
     fn of(status: &str, starts: &[(Option<f64>, &str)]) -> String {

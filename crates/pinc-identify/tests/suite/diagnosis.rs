@@ -185,7 +185,9 @@ fn data_that_cannot_be_used_are_errors() {
     let mut error = |problem: &Problem, u: &[f64], y: &[f64]| {
         identify(&mut *model, problem, &[Recording { name: "tank", u, y }]).unwrap_err()
     };
-    assert_eq!(error(&problem, &[], &[]), IdentifyError::TooShort { recording: 0, rows: 0 });
+    let short = IdentifyError::TooShort { recording: 0, rows: 0 };
+    assert_eq!(error(&problem, &[], &[]), short);
+    assert_eq!(short.to_string(), "recording 1: 0 rows, but at least 2 are needed");
     let few = IdentifyError::TooFewMeasurements { measurements: 3, unknowns: 3 };
     assert_eq!(error(&problem, &u[..3], &y[..3]), few);
     let missing = [f64::NAN; 20];
