@@ -118,7 +118,7 @@ pub enum Diagnosis {
         /// The correlation of neighbouring ones.
         correlation: f64,
     },
-    /// Residuals that depend on an input of some rows before.
+    /// Residuals that depend on an input of some steps before.
     InputDependent {
         /// The channel.
         name: String,
@@ -126,7 +126,7 @@ pub enum Diagnosis {
         input: String,
         /// Their correlation.
         correlation: f64,
-        /// How many rows before.
+        /// How many steps before.
         lag: usize,
     },
     /// A channel whose values are of another size than the model's at the start.
@@ -217,7 +217,7 @@ impl fmt::Display for Diagnosis {
             ),
             Self::InputDependent { name, input, correlation, lag } => write!(
                 f,
-                "{name}: the residuals are correlated with {input} of {lag} rows before \
+                "{name}: the residuals are correlated with {input} of {lag} steps before \
                  ({correlation:.2}): the equations lack something that the inputs excite, which a \
                  net inside them can learn"
             ),
@@ -260,14 +260,12 @@ pub(crate) fn channels(problem: &Problem, fit: &Fit<'_>, fitted: &[Vec<f64>]) ->
         let all = residuals(problem, fit, fitted, i);
         let given: Vec<f64> = all.iter().flatten().copied().filter(|r| !r.is_nan()).collect();
         let squares: f64 = given.iter().map(|r| r * r).sum();
-        let pairs = all.iter().flat_map(|of| of.windows(2)).map(|w| w[0] * w[1]);
-        let products: f64 = pairs.filter(|product| !product.is_nan()).sum();
         ChannelFit {
             name: problem.channels[i].name.clone(),
             measurements: given.len(),
             rms: (squares / given.len().max(1) as f64).sqrt(),
-            correlation: if squares > 0.0 { products / squares } else { 0.0 },
             inputs: whiteness::with_inputs(&recordings, &all, problem.inputs.len()),
+            correlation: whiteness::of_neighbours(all),
         }
     };
     (0..problem.channels.len()).map(channel).collect()
@@ -439,17 +437,24 @@ fn input_dependent(problem: &Problem, of: &ChannelFit) -> Option<Diagnosis> {
     })
 }
 
-/// The noise of a channel as its second differences have it, if its signal is smooth.
+/// The noise of a channel as far as each value is off the line between its neighbours, which says it
+/// if the signal is smooth.
 fn roughness(problem: &Problem, fit: &Fit<'_>, i: usize) -> f64 {
-    let channels = problem.channels.len();
-    let mut differences: Vec<f64> = Vec::new();
+    let (mut squares, mut count) = (0.0, 0);
     for of in &fit.recordings {
-        let y: Vec<f64> = of.recording.y.iter().skip(i).step_by(channels).copied().collect();
-        differences.extend(y.windows(3).map(|w| w[0] - 2.0 * w[1] + w[2]));
+        let y = of.recording.y.iter().skip(i).step_by(problem.channels.len());
+        let given = y.enumerate().filter(|(_, y)| !y.is_nan());
+        let given: Vec<(f64, f64)> = given.map(|(row, y)| (row as f64, *y)).collect();
+        for w in given.windows(3) {
+            let [(before, first), (row, y), (after, last)] = [w[0], w[1], w[2]];
+            let part = (row - before) / (after - before);
+            let off = y - (1.0 - part) * first - part * last;
+            // The variance of that, in variances of the noise.
+            squares += off * off / (1.0 + (1.0 - part).powi(2) + part.powi(2));
+            count += 1;
+        }
     }
-    differences.retain(|d| !d.is_nan());
-    let squares: f64 = differences.iter().map(|d| d * d).sum();
-    (squares / (6.0 * differences.len().max(1) as f64)).sqrt()
+    (squares / f64::from(count.max(1))).sqrt()
 }
 
 /// Mistakes in units: channels by their size at the start, inputs by the cost at the start.

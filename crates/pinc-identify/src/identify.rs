@@ -8,6 +8,7 @@ use crate::result::Identified;
 use crate::shooting::{Nodes, Shooting};
 use crate::starts::Start;
 use crate::trajectory::{Evaluation, Trajectory};
+use crate::whiteness::of_neighbours;
 use pinc_estimate::Measured;
 use pinc_ode::{Dims, Model, OutputLinearizationBuffer, Stages};
 use std::borrow::Cow;
@@ -351,23 +352,13 @@ fn doubt(problem: &Problem, fit: &Fit<'_>) -> Option<Why> {
 /// The correlation of neighbouring residuals of a channel that measures a state.
 fn neighbours(problem: &Problem, fit: &Fit<'_>, channel: usize) -> f64 {
     let Measured::State(state) = problem.channels[channel].measured else { return 0.0 };
-    let (mut products, mut squares) = (0.0, 0.0);
-    for of in &fit.recordings {
+    let residuals = fit.recordings.iter().map(|of| {
         let (nx, channels) = (of.scale.len(), problem.channels.len());
         let y = of.recording.y.iter().skip(channel).step_by(channels);
         let x = of.trajectory.x.iter().skip(state).step_by(nx);
-        let mut before = f64::NAN;
-        for residual in x.zip(y).map(|(x, y)| x - y) {
-            if !residual.is_nan() {
-                squares += residual * residual;
-            }
-            if !residual.is_nan() && !before.is_nan() {
-                products += residual * before;
-            }
-            before = residual;
-        }
-    }
-    if squares > 0.0 { products / squares } else { 0.0 }
+        x.zip(y).map(|(x, y)| x - y).collect()
+    });
+    of_neighbours(residuals)
 }
 
 fn is_better(other: &Fit<'_>, fit: &Fit<'_>) -> bool {

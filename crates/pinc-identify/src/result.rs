@@ -86,13 +86,13 @@ pub struct ChannelFit {
     pub inputs: Vec<InputCorrelation>,
 }
 
-/// The correlation of the residuals with an input of `lag` rows before, the largest of these.
+/// The correlation of the residuals with an input of `lag` steps before, the largest of these.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct InputCorrelation {
     /// The correlation, from -1 to 1; NaN where the input is constant or the rows are too few.
     pub correlation: f64,
-    /// How many rows before.
+    /// How many steps before.
     pub lag: usize,
     /// The correlation beyond which it is no chance: four standard deviations of the correlation
     /// with white residuals, or with residuals as coloured as these.

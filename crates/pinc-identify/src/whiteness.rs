@@ -1,9 +1,9 @@
-//! The correlation of residuals with the inputs before them.
+//! The correlations of residuals with each other and with the inputs before them.
 
 use crate::problem::Recording;
 use crate::result::InputCorrelation;
 
-/// How many rows before an input may lie.
+/// How many steps before an input may lie.
 pub(crate) const LAGS: usize = 50;
 /// The lags that tell how coloured a signal is.
 const COLOURED: usize = 200;
@@ -23,8 +23,23 @@ impl InputCorrelation {
     }
 }
 
+/// The correlation of neighbours among the residuals of each recording, NaN where there is none:
+/// each and the next that there is, however many rows later.
+pub(crate) fn of_neighbours(residuals: impl IntoIterator<Item = Vec<f64>>) -> f64 {
+    let (mut products, mut squares) = (0.0, 0.0);
+    for mut of in residuals {
+        of.retain(|residual| !residual.is_nan());
+        // A residual by itself has no neighbour.
+        if of.len() > 1 {
+            squares += of.iter().map(|residual| residual * residual).sum::<f64>();
+            products += of.windows(2).map(|pair| pair[0] * pair[1]).sum::<f64>();
+        }
+    }
+    if squares > 0.0 { products / squares } else { 0.0 }
+}
+
 /// The largest correlation of the residuals of each recording, NaN where there is none, with each
-/// of `nu` inputs of up to 50 rows before.
+/// of `nu` inputs of up to 50 steps before.
 pub(crate) fn with_inputs(
     recordings: &[Recording<'_>],
     residuals: &[Vec<f64>],
@@ -40,9 +55,8 @@ pub(crate) fn with_inputs(
 }
 
 fn largest(residuals: &[Vec<f64>], inputs: &[Vec<f64>]) -> InputCorrelation {
-    let sizes = [residuals, inputs].map(|of| products(of, of, 0).0);
-    let scale = sizes[0].sqrt() * sizes[1].sqrt();
-    let (_, pairs) = products(residuals, inputs, 0);
+    let (size, pairs) = products(residuals, residuals, 0);
+    let scale = size.sqrt() * size_beside(residuals, inputs).sqrt();
     if !(scale > 0.0 && pairs > 2 * LAGS) {
         return InputCorrelation { correlation: f64::NAN, lag: 0, chance: f64::INFINITY };
     }
@@ -65,6 +79,12 @@ fn products(a: &[Vec<f64>], b: &[Vec<f64>], lag: usize) -> (f64, usize) {
     products.fold((0.0, 0), |(sum, count), product| (sum + product, count + 1))
 }
 
+/// The sum of the squares of the inputs in rows that have a residual.
+fn size_beside(residuals: &[Vec<f64>], inputs: &[Vec<f64>]) -> f64 {
+    let rows = residuals.iter().flatten().zip(inputs.iter().flatten());
+    rows.filter(|(residual, _)| !residual.is_nan()).map(|(_, input)| input * input).sum()
+}
+
 fn without_mean(mut of: Vec<Vec<f64>>) -> Vec<Vec<f64>> {
     let given = || of.iter().flatten().filter(|value| !value.is_nan());
     let mean = given().sum::<f64>() / given().count().max(1) as f64;
@@ -78,7 +98,7 @@ mod tests {
     use rand::rngs::ChaCha8Rng;
     use rand::{RngExt, SeedableRng};
 
-    /// The residual has the input of seven rows before as a quarter of its variance.
+    /// The residual has the input of seven steps before as a quarter of its variance.
     #[test]
     fn the_lag_of_an_input_is_found_and_chance_is_none() {
         let mut rng = ChaCha8Rng::seed_from_u64(5);

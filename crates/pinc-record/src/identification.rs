@@ -126,13 +126,13 @@ pub struct ResidualMetrics {
     pub inputs: BTreeMap<String, InputCorrelationMetrics>,
 }
 
-/// The largest correlation of the residuals with an input of some rows before.
+/// The largest correlation of the residuals with an input of some steps before.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct InputCorrelationMetrics {
     /// The correlation; NaN where the input is constant or the rows are too few.
     #[serde(deserialize_with = "number_or_null")]
     pub correlation: f64,
-    /// How many rows before.
+    /// How many steps before.
     pub lag: usize,
     /// The correlation beyond which it is no chance; nothing where the input is constant.
     pub chance: Option<f64>,
@@ -192,7 +192,7 @@ impl ResidualMetrics {
     pub fn with_inputs(&self) -> String {
         let shown = self.inputs.iter().map(|(name, of)| match of.chance {
             Some(chance) => {
-                format!("{name}: {:.2} at {} rows ({chance:.2})", of.correlation, of.lag)
+                format!("{name}: {:.2} at {} steps ({chance:.2})", of.correlation, of.lag)
             }
             None => format!("{name}: constant, or too few rows"),
         });
@@ -370,7 +370,7 @@ mod tests {
         assert!(read.correlation.is_nan());
         let inputs = [("u".to_owned(), of(Some(0.5))), ("v".to_owned(), of(None))].into();
         let left = ResidualMetrics { measurements: 9, rms: 1.0, correlation: 0.0, inputs };
-        assert_eq!(left.with_inputs(), "u: 0.25 at 3 rows (0.50), v: constant, or too few rows");
+        assert_eq!(left.with_inputs(), "u: 0.25 at 3 steps (0.50), v: constant, or too few rows");
     }
 
     #[test]

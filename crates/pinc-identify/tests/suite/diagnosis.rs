@@ -119,6 +119,50 @@ fn data_of_another_plant_do_not_fit() {
     assert!(text.contains("not white"), "{text}");
 }
 
+/// Rows that are steps apart have neighbours all the same: a slow inflow that the equations lack is
+/// found in residuals and in their size, and white residuals stay white.
+#[test]
+fn residuals_with_gaps_between_them_are_examined() {
+    let row = |k: u32| f64::from(k);
+    let u: Vec<f64> = (0..600).map(row).map(|k| 2.5 + (k / 40.0).sin()).collect();
+    let slow: Vec<f64> = u.iter().zip(0..).map(|(u, k)| u + 0.5 * (row(k) / 90.0).cos()).collect();
+    let mut model = tank().model(Integrator::Rk4, 10.0, 4).unwrap();
+    let mut measured = |u: &[f64]| -> Vec<f64> {
+        let x = simulated(&mut *model, &[8.0], u, &TRUTH);
+        x.iter().zip(noise(4, 0.05, 600)).map(|(x, noise)| x + noise).collect()
+    };
+    let (good, poor) = (measured(&u), measured(&slow));
+    let every_second = |k: usize| k.is_multiple_of(2);
+    let irregular = |k: usize| k.is_multiple_of(7) || k % 4 == 1;
+    for kept in [&every_second as &dyn Fn(usize) -> bool, &irregular] {
+        let sparse = |y: &[f64]| -> Vec<f64> {
+            y.iter().enumerate().map(|(k, y)| if kept(k) { *y } else { f64::NAN }).collect()
+        };
+        let found = fit(&with(&[0, 1]), &u, &sparse(&good));
+        let text = words(&found);
+        assert!(!text.contains("not white") && !text.contains("residuals, "), "{text}");
+        // The correlation of what is left of the rows that there are.
+        let y = sparse(&poor);
+        let mut unknown = with(&[0, 1]);
+        unknown.channels[0].sd = None;
+        let found = fit(&unknown, &u, &y);
+        let left = y.iter().zip(&found.fitted[0]).map(|(y, fitted)| y - fitted);
+        let left: Vec<f64> = left.filter(|of| !of.is_nan()).collect();
+        let squares: f64 = left.iter().map(|of| of * of).sum();
+        let own = left.windows(2).map(|pair| pair[0] * pair[1]).sum::<f64>() / squares;
+        let correlation = found.channels[0].correlation;
+        assert!(own > 0.8 && (correlation - own).abs() < 1e-12, "{correlation} {own}");
+        let text = words(&found);
+        assert!(text.contains("the residuals are not white"), "{text}");
+        // The noise of 0.05 as the rows have it, to a share of the signal that bends between them.
+        let misfit = found.findings.iter().find_map(|finding| match finding {
+            Diagnosis::Misfit { noise, given: false, .. } => Some(*noise),
+            _ => None,
+        });
+        assert!((0.04..0.1).contains(&misfit.expect(&text)), "{misfit:?}");
+    }
+}
+
 #[test]
 fn units_that_are_wrong_by_a_thousand_are_suspected() {
     let (u, y) = data(150);
