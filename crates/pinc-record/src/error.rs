@@ -25,6 +25,16 @@ pub enum RecordError {
         /// Why.
         source: io::Error,
     },
+    /// A file to be written that is read as well.
+    #[error("{option} {}: is also {input}, which it would overwrite", path.display())]
+    AlsoRead {
+        /// What asks for the file.
+        option: &'static str,
+        /// The file.
+        path: PathBuf,
+        /// What it is read as.
+        input: String,
+    },
     /// The run directory belongs to another config.
     #[error(
         "{}: belongs to a run of another config (its config.toml differs); choose another \

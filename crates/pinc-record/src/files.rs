@@ -159,9 +159,43 @@ pub(crate) fn write_unflushed(path: &Path, bytes: &[u8]) -> Result<(), RecordErr
     file.put(false)
 }
 
+/// Refuses to write the file that `option` asks for over one that is read: `inputs`, each with what it
+/// is read as.
+///
+/// # Errors
+///
+/// [`RecordError::AlsoRead`].
+pub fn check_output<'p>(
+    (option, output): (&'static str, &Path),
+    inputs: impl IntoIterator<Item = (&'p str, &'p Path)>,
+) -> Result<(), RecordError> {
+    let mut inputs = inputs.into_iter();
+    let found = inputs.find(|(_, input)| is_same_file(input, output));
+    found.map_or(Ok(()), |(input, _)| {
+        Err(RecordError::AlsoRead { option, path: output.to_owned(), input: input.to_owned() })
+    })
+}
+
+/// Refuses to write the page that `option` asks for over a file of the run in `dir`: its report, or
+/// anything that is no page.
+///
+/// # Errors
+///
+/// [`RecordError::AlsoRead`], or [`RecordError::Unreadable`] for the directory.
+pub fn check_page((option, page): (&'static str, &Path), dir: &Path) -> Result<(), RecordError> {
+    for entry in fs::read_dir(dir).map_err(RecordError::unreadable(dir))? {
+        let path = entry.map_err(RecordError::unreadable(dir))?.path();
+        let is_page = path.extension().is_some_and(|ending| ending == "html");
+        if !is_page || path.ends_with(file::REPORT) {
+            let input = format!("a file of the run {}", dir.display());
+            check_output((option, page), [(&*input, &*path)])?;
+        }
+    }
+    Ok(())
+}
+
 /// Whether two paths lead to one file, also by links.
-#[must_use]
-pub fn is_same_file(one: &Path, two: &Path) -> bool {
+fn is_same_file(one: &Path, two: &Path) -> bool {
     #[cfg(unix)]
     {
         use std::os::unix::fs::MetadataExt;

@@ -46,7 +46,8 @@ pub use csv::{CsvText, decimals, number};
 pub use domain_error::{DomainErrorMetrics, Place, ProvenErrors, Rk4Errors};
 pub use error::{CheckpointProblem, RecordError, TableProblem};
 pub use files::{
-    file, is_same_file, read_file, read_text, remove_unfinished, write_atomically, write_output,
+    check_output, check_page, file, read_file, read_text, remove_unfinished, write_atomically,
+    write_output,
 };
 pub use identification::{
     CorrelationMetrics, EstimateMetrics, HeldOutMetrics, IdentificationMetrics,

@@ -7,7 +7,9 @@ use crate::RunError;
 use pinc_config::{Experiment, LoopParameters, ModelKind, Variables};
 use pinc_estimate::{Estimator, History};
 use pinc_record::columns::{At, rows, too_few_rows};
-use pinc_record::{EstimatorMetrics, RecordedColumns, decimals, read_file, write_output};
+use pinc_record::{
+    EstimatorMetrics, RecordedColumns, check_output, decimals, read_file, write_output,
+};
 use std::fmt;
 use std::path::Path;
 use std::time::Instant;
@@ -62,6 +64,11 @@ pub fn estimate(
     model: Option<&Path>,
     only: Option<ModelKind>,
 ) -> Result<Estimated, RunError> {
+    if let Some(output) = output {
+        let config = experiment.source();
+        let read = [("--data", data), ("the config", config.as_ref())].into_iter();
+        check_output(("--output", output), read.chain(model.map(|model| ("--model", model))))?;
+    }
     let model = model.map(ModelFile::At);
     let of = estimator(experiment, model, only)?;
     let ConfigEstimator { mut filter, names, measured, known, variables, .. } = of;

@@ -82,8 +82,8 @@ use pinc_config::{Experiment, LoopParameters, MOST_STEPS, ModelKind, PlantInTheL
 use pinc_net::PincNet;
 use pinc_ode::Simulator;
 use pinc_record::{
-    Metrics, Provenance, RecordError, RunDir, file, read_file, remove_unfinished, write_atomically,
-    write_output,
+    Metrics, Provenance, RecordError, RunDir, check_page, file, read_file, remove_unfinished,
+    write_atomically, write_output,
 };
 use pinc_report as report;
 use std::fs;
@@ -189,6 +189,7 @@ pub fn rebuild_report(dir: &Path) -> Result<PathBuf, RunError> {
 /// written.
 pub fn compare(dirs: &[PathBuf], page: &Path) -> Result<(), RunError> {
     let comparison = report::compare(dirs)?;
+    dirs.iter().try_for_each(|dir| check_page(("--out", page), dir))?;
     Ok(write_output(page, comparison.html.as_bytes())?)
 }
 

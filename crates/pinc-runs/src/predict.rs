@@ -8,10 +8,10 @@ use pinc_config::{Experiment, OutsidePolicy};
 use pinc_net::{PincNet, TrainingTarget};
 use pinc_ode::DynPlant;
 use pinc_record::columns::{finite, not_finite, not_later, optional, places, rows, too_far};
-use pinc_record::{CsvText, OutsideDomain, is_same_file, number, read_file, write_output};
+use pinc_record::{CsvText, OutsideDomain, check_output, number, read_file, write_output};
 use pinc_verify::{ChainedError, ErrorEstimate};
 use std::collections::HashMap;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 /// The estimate of the error of one step of `net` as a model of the experiment's plant.
 ///
@@ -57,12 +57,10 @@ pub fn predict(
     policy: OutsidePolicy,
     judged: Option<&Experiment>,
 ) -> Result<OutsideDomain, RunError> {
-    for (role, input) in [("--model", model), ("--inputs", inputs)] {
-        if is_same_file(input, output) {
-            let problem = format!("is also {role}, which it would overwrite");
-            return Err(RunError::usage(format!("--output {}", output.display()), problem));
-        }
-    }
+    let config = judged.map(|experiment| PathBuf::from(experiment.source()));
+    let read = [("--model", model), ("--inputs", inputs)].into_iter();
+    let read = read.chain(config.iter().map(|config| ("the config", &**config)));
+    check_output(("--output", output), read)?;
     let net = match judged {
         Some(experiment) => super::read_matching_model(experiment, model)?.1,
         None => super::chainable(model, super::read_model(model)?)?,

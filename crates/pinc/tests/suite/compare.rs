@@ -41,6 +41,18 @@ fn runs_are_compared_in_numbers_and_in_pictures() {
         assert!(html.contains(part), "no {part}");
     }
     assert_eq!(fs::read_dir(dir.path()).unwrap().count(), 3);
+
+    // A page may lie in the directory of a run, but not in the place of its files.
+    let inside = two.join("both.html");
+    for _ in 0..2 {
+        assert_eq!(compare(&[&one, &two], &["--out".as_ref(), &inside]).code, Some(0));
+    }
+    for name in ["metrics.json", "report.html"] {
+        let kept = fs::read(two.join(name)).unwrap();
+        let said = compare(&[&one, &two], &["--out".as_ref(), &two.join(name)]);
+        said.assert_refused(&["--out", name, "is also a file of the run", "overwrite"]);
+        assert!(fs::read(two.join(name)).unwrap() == kept, "{name}");
+    }
 }
 
 #[test]

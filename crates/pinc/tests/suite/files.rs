@@ -90,6 +90,26 @@ fn an_output_that_is_an_input_is_refused() {
     assert!((fs::read(&model).unwrap(), fs::read(&inputs).unwrap()) == before);
 }
 
+#[test]
+fn estimates_do_not_overwrite_what_they_are_made_from() {
+    let dir = tempfile::tempdir().unwrap();
+    let copy = |from: &str| {
+        let to = dir.path().join(Path::new(from).file_name().unwrap());
+        fs::copy(repository(from), &to).unwrap();
+        to
+    };
+    let config = copy("configs/estimation/recorded-tanks.toml");
+    let data = copy("crates/pinc-estimate/tests/data/estim-tanks.csv");
+    let before = [&config, &data].map(|path| fs::read(path).unwrap());
+    let around = dir.path().join(".").join("estim-tanks.csv");
+    for (output, read) in [(&around, "is also --data"), (&config, "is also the config")] {
+        let mut command = pinc(&["estimate"]);
+        command.arg(&config).arg("--data").arg(&data).arg("--output").arg(output);
+        outcome(&mut command).assert_refused(&["--output", read, "which it would overwrite"]);
+    }
+    assert!(before == [&config, &data].map(|path| fs::read(path).unwrap()));
+}
+
 /// An expression may be finite for one size of a state and not for the next.
 #[test]
 fn states_that_are_no_numbers_are_an_error() {
