@@ -55,6 +55,15 @@ pub enum IdentifyError {
         /// Parameters and initial states.
         unknowns: usize,
     },
+    /// A recording that is held out has no rows but those that its initial state is fitted to.
+    #[error(
+        "no row is left to judge the fit by behind the first {rows} with a measured value, to \
+         which the initial state is fitted"
+    )]
+    NothingHeldOut {
+        /// How many rows it is fitted to.
+        rows: usize,
+    },
     /// The model cannot be evaluated anywhere near the start.
     #[error(
         "the model has no finite value along recording {} with the parameters and the initial \

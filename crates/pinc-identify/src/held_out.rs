@@ -7,13 +7,43 @@ use crate::result::outputs;
 use crate::trajectory::{Evaluation, Trajectory};
 use pinc_ode::Model;
 
-/// The measured quantities along a recording, `[rows, channels]`, as the model has them with the
-/// parameters `p`, from an initial state on that is fitted to the first `rows` of them if the
-/// problem has a free one.
+/// How many steps of a recording are those to which the initial state is fitted where it is held
+/// out: to the end of its first `rows` rows that have a measured value.
 ///
 /// # Errors
 ///
-/// As [`identify`]; [`IdentifyError::NotFinite`] if the model has no finite values to the end.
+/// [`IdentifyError::TooFewMeasurements`] if these do not determine a free initial state, and
+/// [`IdentifyError::NothingHeldOut`] if no step is left behind them.
+pub fn fitted_steps(
+    problem: &Problem,
+    recording: Recording<'_>,
+    rows: usize,
+) -> Result<usize, IdentifyError> {
+    let channels = problem.channels.len();
+    let given = recording.y.chunks_exact(channels).enumerate().filter_map(|(step, y)| {
+        let values = y.iter().filter(|y| !y.is_nan()).count();
+        (values > 0).then_some((step + 1, values))
+    });
+    let (steps, measurements) =
+        given.take(rows).fold((0, 0), |(_, sum), (steps, values)| (steps, sum + values));
+    let unknowns = problem.states.len();
+    if problem.initial_state.is_free() && measurements <= unknowns {
+        return Err(IdentifyError::TooFewMeasurements { measurements, unknowns });
+    }
+    if steps >= recording.rows(channels) {
+        return Err(IdentifyError::NothingHeldOut { rows });
+    }
+    Ok(steps)
+}
+
+/// The measured quantities along a recording, `[rows, channels]`, as the model has them with the
+/// parameters `p`, from an initial state on that is fitted to the first `rows` rows that have a
+/// measured value, if the problem has a free one.
+///
+/// # Errors
+///
+/// As [`identify`] and [`fitted_steps`]; [`IdentifyError::NotFinite`] if the model has no finite
+/// values to the end.
 ///
 /// # Panics
 ///
@@ -31,10 +61,10 @@ pub fn simulate_held_out(
     let all = recording.rows(channels);
     let mut x = known.initial_state.values().to_vec();
     if known.initial_state.is_free() {
-        let rows = rows.min(all);
+        let steps = fitted_steps(&known, recording, rows)?;
         let first = Recording {
-            u: &recording.u[..rows * dims.nu],
-            y: &recording.y[..rows * channels],
+            u: &recording.u[..steps * dims.nu],
+            y: &recording.y[..steps * channels],
             ..recording
         };
         let found = identify(model, &known, &[first])?;

@@ -39,7 +39,7 @@ mod whiteness;
 pub use diagnosis::{Diagnosis, Side};
 pub use error::IdentifyError;
 pub use fit::FitStatus;
-pub use held_out::simulate_held_out;
+pub use held_out::{fitted_steps, simulate_held_out};
 pub use identify::identify;
 pub use method::{Method, Why};
 pub use noise::weighed_by_residuals;

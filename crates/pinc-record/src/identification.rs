@@ -155,7 +155,7 @@ pub struct HeldOutMetrics {
     /// The first rows, which the initial state was fitted to.
     pub fitted_rows: usize,
     /// The root mean square error of the simulation of each output over the other rows, in its
-    /// unit.
+    /// unit; without those that have no value there.
     pub rms: BTreeMap<String, f64>,
 }
 
@@ -214,6 +214,26 @@ impl MinimumMetrics {
             }
         }
         all
+    }
+}
+
+impl HeldOutMetrics {
+    /// Those of the outputs `measured` along a file, from the measurements behind its fitted rows and
+    /// what is simulated there, `[steps, outputs]` both; a measurement that is missing is NaN.
+    #[must_use]
+    pub fn of(
+        file: String,
+        fitted_rows: usize,
+        (measured, [y, simulated]): (&[String], [&[f64]; 2]),
+    ) -> Self {
+        let rms = |(output, name): (usize, &String)| {
+            let pairs = y.iter().zip(simulated).skip(output).step_by(measured.len());
+            let errors = pairs.map(|(y, simulated)| y - simulated).filter(|e| !e.is_nan());
+            let (sum, count) = errors.fold((0.0, 0.0), |(sum, n), e| (sum + e * e, n + 1.0));
+            (count > 0.0).then(|| (name.clone(), (sum / count).sqrt()))
+        };
+        let rms = measured.iter().enumerate().filter_map(rms).collect();
+        Self { file, fitted_rows, rms }
     }
 }
 
@@ -380,6 +400,18 @@ mod tests {
         assert_eq!(metrics.net_of("law[3]").unwrap(), "law");
         assert_eq!(metrics.net_of("law2[1]").unwrap(), "law2");
         assert_eq!([metrics.net_of("law"), metrics.net_of("la[1]")], [None; 2]);
+    }
+
+    /// The errors are 0 and 3, and 4 where there is a measurement; an output without one has none.
+    #[test]
+    fn errors_on_held_out_data_are_root_mean_squares() {
+        let names = ["a", "b", "c"].map(str::to_owned);
+        let none = f64::NAN;
+        let (y, simulated) = ([2.0, none, none, 4.0, 12.0, none], [2.0, 5.0, 1.0, 1.0, 8.0, 1.0]);
+        let found = HeldOutMetrics::of(String::new(), 1, (&names, [&y, &simulated]));
+        assert!((found.rms["a"] - 4.5_f64.sqrt()).abs() < 1e-12, "{found:?}");
+        assert!((found.rms["b"] - 4.0).abs() < 1e-12, "{found:?}");
+        assert_eq!(found.rms.len(), 2);
     }
 
     /// JSON has no infinity, and the file is read back.

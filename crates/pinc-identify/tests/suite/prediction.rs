@@ -2,8 +2,8 @@
 
 use crate::support::{noise, oscillator, problem, steps};
 use pinc_identify::{
-    Criterion, Estimate, FitStatus, Identified, InitialState, Problem, Recording, Starts, identify,
-    identify_from_starts, simulate_held_out,
+    Criterion, Estimate, FitStatus, Identified, IdentifyError, InitialState, Problem, Recording,
+    Starts, fitted_steps, identify, identify_from_starts, simulate_held_out,
 };
 use pinc_ode::Integrator;
 
@@ -115,4 +115,27 @@ fn predictions_have_starts_and_are_validated_by_simulation() {
     let later = Recording { y: &later, ..recording };
     let unseen = simulate_held_out(&mut *model(), &known, &found.p, later, 20).unwrap();
     assert_eq!(unseen, simulated);
+    // So it does where only every third step has a measurement, from twenty of these.
+    let sparse = |y: &[f64]| -> Vec<f64> {
+        y.iter().zip(0..).map(|(y, k)| if k % 3 == 0 { *y } else { f64::NAN }).collect()
+    };
+    let third = sparse(&y);
+    let fitted = Recording { u: &u[..58], y: &third[..58], ..recording };
+    let state = Problem { parameters: found.p.clone(), unknown: Vec::new(), ..known.clone() };
+    let state = identify(&mut *model(), &state, &[fitted]).unwrap().initial_states;
+    let state = state[0].iter().map(|of| of.value).collect();
+    let known_state = Problem { initial_state: InitialState::Fixed(state), ..known.clone() };
+    let recording = Recording { y: &third, ..recording };
+    let expected = simulate_held_out(&mut *model(), &known_state, &found.p, recording, 0).unwrap();
+    assert_eq!(fitted_steps(&known, recording, 20).unwrap(), 58);
+    let held_out = simulate_held_out(&mut *model(), &known, &found.p, recording, 20).unwrap();
+    assert_eq!(held_out, expected);
+    // Too few to tell the state, or no more behind them.
+    let error = |rows| fitted_steps(&known, recording, rows).unwrap_err();
+    assert_eq!(error(2), IdentifyError::TooFewMeasurements { measurements: 2, unknowns: 2 });
+    let third: Vec<f64> = third[..199].iter().copied().chain([0.0]).collect();
+    let recording = Recording { y: &third, ..recording };
+    assert!(fitted_steps(&known, recording, 67).is_ok());
+    let error = fitted_steps(&known, recording, 68).unwrap_err();
+    assert_eq!(error, IdentifyError::NothingHeldOut { rows: 68 });
 }

@@ -10,7 +10,7 @@ use pinc_config::{
 };
 use pinc_identify::{
     Channel, Criterion, Estimate, Identified, IdentifyError, InitialState, Prior, Problem,
-    Recording, Side, Start, Starts, Unknown, identify_from_starts, simulate_held_out,
+    Recording, Side, Start, Starts, Unknown, fitted_steps, identify_from_starts, simulate_held_out,
     weighed_by_residuals,
 };
 use pinc_net::{PincModel, PincNet};
@@ -101,6 +101,15 @@ pub fn identify(
     let unseen = recorded(held_out, &tables(held_out)?)?;
     let recorded = recorded(data, &fitted)?;
     let (problem, plant) = problem(experiment, spec, &variables, net)?;
+    let rows = spec.validation_rows.unwrap_or(VALIDATION_ROWS);
+    let unfit = |file: usize, error: IdentifyError| {
+        let problem = format!("held out with identify.validation_rows = {rows}: {error}");
+        RunError::usage(held_out[file].display(), problem)
+    };
+    let steps = unseen.iter().enumerate().map(|(file, of)| {
+        fitted_steps(&problem, of.recording(), rows).map_err(|error| unfit(file, error))
+    });
+    let steps = steps.collect::<Result<Vec<_>, _>>()?;
     let starts = starts.or(spec.starts).unwrap_or_else(|| problem.default_starts());
     let model = || fitted_model(experiment, spec, (kind, net), &*plant, sample_time_s);
     let recordings: Vec<_> = recorded.iter().map(Recorded::recording).collect();
@@ -116,12 +125,12 @@ pub fn identify(
     };
     let (problem, found) = weighed_by_residuals(problem, &recordings, starts, fit)?;
     let wall_s = clock.elapsed().as_secs_f64();
-    let rows = spec.validation_rows.unwrap_or(VALIDATION_ROWS);
     let mut of_unseen = Vec::new();
-    for (file, of) in unseen.iter().enumerate() {
+    for (file, (of, steps)) in unseen.iter().zip(steps).enumerate() {
         let simulated = simulate_held_out(&mut *model()?, &problem, &found.p, of.recording(), rows);
-        let simulated = simulated.map_err(|error| in_file(error, &held_out[file..]))?;
-        of_unseen.push(of.held_out(&measured, rows, &simulated));
+        let simulated = simulated.map_err(|error| unfit(file, error))?;
+        let pairs = [&of.y, &simulated].map(|of| &of[steps * measured.len()..]);
+        of_unseen.push(HeldOutMetrics::of(of.name.clone(), rows, (&measured, pairs)));
     }
     let metrics = IdentificationMetrics {
         nets: spec.nets.iter().map(|net| net.name.clone()).collect(),
@@ -205,22 +214,6 @@ struct Recorded {
 impl Recorded {
     fn recording(&self) -> Recording<'_> {
         Recording { name: &self.name, u: &self.u, y: &self.y }
-    }
-
-    /// The error of a simulation, without the first rows.
-    fn held_out(&self, measured: &[String], rows: usize, simulated: &[f64]) -> HeldOutMetrics {
-        let rms = |channel: usize| {
-            let pairs = self.y.iter().zip(simulated).skip(rows * self.channels + channel);
-            let errors = pairs.step_by(self.channels).map(|(y, simulated)| y - simulated);
-            let squares = errors.filter(|e| !e.is_nan()).map(|e| e * e);
-            let (sum, count) = squares.fold((0.0, 0.0), |(sum, n), square| (sum + square, n + 1.0));
-            (sum / f64::max(count, 1.0)).sqrt()
-        };
-        HeldOutMetrics {
-            file: self.name.clone(),
-            fitted_rows: rows,
-            rms: measured.iter().enumerate().map(|(i, name)| (name.clone(), rms(i))).collect(),
-        }
     }
 }
 

@@ -199,6 +199,20 @@ fn gaps_and_several_files_are_taken() {
     // The identified equation has the value that was found.
     let written = fs::read_to_string(Path::new(&out).join("identified.toml")).unwrap();
     assert!(written.contains(&format!("k = {k:?}")), "{written}");
+    // A held-out file with a row for each change of the input has its state from three rows, not from three steps.
+    let sparse = file("sparse.csv", &|i| i > 36 && i % 12 == 1);
+    let held_out = |name: &str, rows: &str| {
+        let (out, set) = (text(&dir.path().join(name)), format!("identify.validation_rows={rows}"));
+        let files = ["--data", &gappy, "--validate", &sparse, "--out", &out, "--set", &set];
+        outcome(pinc(&["identify", &config]).args(files))
+    };
+    let found = held_out("held-out", "3");
+    assert_eq!(found.code, Some(0), "{found:?}");
+    assert!(found.stdout.contains("h of sparse.csv, held out: error 0.0"), "{found:?}");
+    for (rows, said) in [("1", "1 measured values cannot"), ("5", "no row is left to judge")] {
+        let key = format!("identify.validation_rows = {rows}");
+        held_out("none", rows).assert_refused(&["sparse.csv: held out with", &key, said]);
+    }
     let known = fs::read_to_string(&second).unwrap().replacen('\n', ",k\n", 1);
     fs::write(&second, known).unwrap();
     outcome(&mut pinc(&["identify", &config, "--data", &second, "--out", &out]))
