@@ -39,6 +39,8 @@ pub struct Identified {
     pub singular_values: Vec<f64>,
     /// The model's outputs for each recording, `[rows, channels]`.
     pub fitted: Vec<Vec<f64>>,
+    /// The states from which the model steps, for each recording, `[rows, nx]`.
+    pub states: Vec<Vec<f64>>,
     /// The channels, one by one.
     pub channels: Vec<ChannelFit>,
     /// Single or multiple shooting.
@@ -159,6 +161,7 @@ impl Identified {
             singular_values: analysis.singular_values.clone(),
             channels: diagnosis::channels(problem, &fit, &fitted),
             fitted,
+            states: fit.recordings.iter().map(|of| of.trajectory.corrected.clone()).collect(),
             method,
             status: fit.status,
             starts,

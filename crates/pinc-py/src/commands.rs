@@ -142,9 +142,9 @@ pub(crate) fn estimate_into<'py>(
         .call("estimate", &experiment)
         .run(py, |_| pinc_runs::estimate(&experiment, &data, out, model, only))?;
     let rmse = PyDict::new(py);
+    let notes = found.notes();
     let estimator = found.estimator;
     let rejected: usize = estimator.rejected.values().sum();
-    let notes = estimator.notes(found.rows);
     for (name, value) in estimator.estimate_rmse {
         rmse.set_item(name, value)?;
     }

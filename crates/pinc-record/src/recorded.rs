@@ -1,9 +1,12 @@
 //! Recorded data: the columns `t`, the inputs, known parameters, and `y_` with the name of what is
 //! measured.
 
-use crate::columns::{finite, optional, place};
+use crate::columns::{At, finite, optional, place, too_far};
 use ::csv::StringRecord;
 use pinc_config::Variables;
+
+/// How many steps may lie between two rows.
+const LONGEST_GAP: f64 = 1e6;
 
 /// Where in a row of recorded data the columns are, with their names.
 #[derive(Clone, Debug)]
@@ -39,6 +42,59 @@ impl RecordedRow {
         let resolution = 2.0 * f64::EPSILON * self.t.abs() / sample_time_s;
         let near = steps.max(1.0) * (1e-6 + resolution);
         ((steps - steps.round()).abs() <= near.min(0.1)).then_some(steps.round())
+    }
+}
+
+/// A recorded file with a row for each step.
+#[derive(Clone, Debug, PartialEq)]
+pub struct RecordedSteps {
+    /// The file's name.
+    pub name: String,
+    /// The times, in s.
+    pub t: Vec<f64>,
+    /// The inputs from then on, step by step.
+    pub u: Vec<f64>,
+    /// What is measured, step by step, NaN where it is missing.
+    pub y: Vec<f64>,
+}
+
+impl RecordedSteps {
+    /// Fills the steps between rows, which come with their lines: there is no measurement, and the
+    /// input holds.
+    ///
+    /// # Errors
+    ///
+    /// The line of a row that is no whole number of steps after the one before, or too many.
+    pub fn filled(name: &str, rows: &[(u64, RecordedRow)], sample_time_s: f64) -> Result<Self, At> {
+        let [t, u, y] = [const { Vec::new() }; 3];
+        let mut all = Self { name: name.to_owned(), t, u, y };
+        let mut before: Option<&RecordedRow> = None;
+        for (line, row) in rows {
+            if let Some(before) = before {
+                if (row.t - before.t) / sample_time_s > LONGEST_GAP {
+                    return Err((*line, too_far(row.t)));
+                }
+                let steps = row.steps_since(before.t, sample_time_s).filter(|steps| *steps >= 1.0);
+                let steps = steps.ok_or_else(|| {
+                    let problem = format!(
+                        "column `t`: {} s after {} s given, expected a whole number of steps of T \
+                         = {sample_time_s} s; identify.step_s sets T for integrators",
+                        row.t, before.t
+                    );
+                    (*line, problem)
+                })?;
+                for k in (1..).map(f64::from).take_while(|k| *k < steps) {
+                    all.u.extend(&before.u);
+                    all.y.extend(std::iter::repeat_n(f64::NAN, row.y.len()));
+                    all.t.push(before.t + k * sample_time_s);
+                }
+            }
+            all.u.extend(&row.u);
+            all.y.extend(&row.y);
+            all.t.push(row.t);
+            before = Some(row);
+        }
+        Ok(all)
     }
 }
 
@@ -99,5 +155,31 @@ impl RecordedColumns {
             y: self.measured.iter().map(measurement).collect::<Result<_, String>>()?,
             truth: truth.transpose()?,
         })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Steps of 0.1 s of Unix times: a double has these to 2.4e-7 s only.
+    #[test]
+    fn times_are_whole_steps_apart_as_far_as_doubles_tell() {
+        let row =
+            |t: f64| RecordedRow { t, u: vec![0.0], known: Vec::new(), y: vec![1.0], truth: None };
+        let filled = |times: &[f64], sample_time_s| {
+            let rows: Vec<_> = (2..).zip(times.iter().map(|t| row(*t))).collect();
+            RecordedSteps::filled("times.csv", &rows, sample_time_s)
+        };
+        let times = [1700000000.0, 1700000000.1, 1700000000.2, 1700000007.3, 1700000017.5];
+        assert_eq!(filled(&times, 0.1).unwrap().t.len(), 176);
+        // T as the shortest step in the data has it.
+        assert_eq!(filled(&times, times[1] - times[0]).unwrap().t.len(), 176);
+        for apart in
+            [[1700000000.0, 1700000000.1002], [0.0, 0.100001], [0.0, 1e-9], [1.7e9, 1.7e9 + 0.04]]
+        {
+            assert!(filled(&apart, 0.1).is_err(), "{apart:?}");
+        }
+        assert!(filled(&[0.0, 0.4], 0.1).is_ok());
     }
 }

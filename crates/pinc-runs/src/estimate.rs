@@ -3,13 +3,16 @@
 use super::chosen::ModelFile;
 use super::control::LoopSetup;
 use super::feedback;
+use super::guard::{Ahead, Guard};
 use crate::RunError;
 use pinc_config::{Experiment, LoopParameters, ModelKind, Variables};
-use pinc_estimate::{Estimator, History};
+use pinc_estimate::{Augmentation, Estimator, History};
 use pinc_record::columns::{At, rows, too_few_rows};
 use pinc_record::{
-    EstimatorMetrics, RecordedColumns, check_output, decimals, read_file, write_output,
+    EstimatorMetrics, OutsideDomain, RecordedColumns, RecordedRow, check_output, decimals,
+    read_file, write_output,
 };
+use std::borrow::Cow;
 use std::fmt;
 use std::path::Path;
 use std::time::Instant;
@@ -23,11 +26,22 @@ pub struct Estimated {
     pub failed: usize,
     /// The numbers of the estimator, without errors where the data lack a true state.
     pub estimator: EstimatorMetrics,
+    /// The use of the model outside its training domain, if it is a net.
+    pub outside_domain: OutsideDomain,
+}
+
+impl Estimated {
+    /// What there is to say of the model and of the estimator.
+    #[must_use]
+    pub fn notes(&self) -> Vec<String> {
+        let outside = self.outside_domain.note().into_iter();
+        outside.chain(self.estimator.notes(self.rows)).collect()
+    }
 }
 
 impl fmt::Display for Estimated {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self { rows, failed, estimator } = self;
+        let Self { rows, failed, estimator, .. } = self;
         let EstimatorMetrics { nis_mean, nis_expected, nis_steps, estimator_us, .. } = estimator;
         write!(f, "{rows} rows; NIS {nis_mean:.3}")?;
         if nis_steps < rows {
@@ -41,7 +55,7 @@ impl fmt::Display for Estimated {
             let before = if i == 0 { "; RMSE" } else { "," };
             write!(f, "{before} {name} {}", decimals(*rmse, 6))?;
         }
-        estimator.notes(*rows).iter().try_for_each(|note| write!(f, "\n{note}"))
+        self.notes().iter().try_for_each(|note| write!(f, "\n{note}"))
     }
 }
 
@@ -70,23 +84,19 @@ pub fn estimate(
         check_output(("--output", output), read.chain(model.map(|model| ("--model", model))))?;
     }
     let model = model.map(ModelFile::At);
-    let of = estimator(experiment, model, only)?;
-    let ConfigEstimator { mut filter, names, measured, known, variables, .. } = of;
-    let text = read_file(data)?;
-    let initial_input = of.initial_input.as_deref();
+    let mut of = estimator(experiment, model, only)?;
     let mut constants = experiment.plant.parameter_names();
-    constants.retain(|parameter| !names.contains(parameter) && !known.contains(parameter));
-    let quantities = (&variables, &measured[..], (&known[..], &constants[..]));
-    let found = run((filter.as_mut(), initial_input), &text, quantities, of.sample_time_s);
-    let at = |(line, problem): At| RunError::Csv { path: data.to_owned(), line, problem };
-    let Run { t, history, step_us } = found.map_err(at)?;
+    constants.retain(|parameter| !of.names.contains(parameter) && !of.known.contains(parameter));
+    let Run { t, history, step_us } = of.run((data, &read_file(data)?), &constants)?;
+    let ConfigEstimator { names, measured, variables, watch, .. } = of;
     let estimator = feedback::metrics(&history, (&variables.state_names(), &measured), step_us);
     if let Some(output) = output {
         let table = feedback::table(&history, (names, measured), |k| t[k]);
         write_output(output, table.estimates_to_csv().as_bytes())?;
     }
     let failed = history.corrections.iter().filter(|c| !c.status.has_succeeded()).count();
-    Ok(Estimated { rows: t.len(), failed, estimator })
+    let outside_domain = watch.map_or_else(Default::default, |(guard, _)| guard.found());
+    Ok(Estimated { rows: t.len(), failed, estimator, outside_domain })
 }
 
 /// The estimator of a config, with the names of its numbers.
@@ -106,6 +116,8 @@ pub struct ConfigEstimator {
     pub sample_time_s: f64,
     /// What was applied before the first step, where the config says it.
     pub initial_input: Option<Vec<f64>>,
+    /// What watches the model, if it is a net, and how that is augmented.
+    watch: Option<(Guard<'static>, Augmentation)>,
 }
 
 /// The estimator of `experiment`, with the model of [`estimate`].
@@ -145,6 +157,10 @@ pub fn estimator(
     let augmentation = setup.augmentation(estimator, &measurement, &*plant);
     let model = setup.model(kind, &*plant)?;
     let filter = feedback::estimator((spec, estimator), &augmentation, model, None)?;
+    let watch = net.filter(|_| spec.model_of(kind) == ModelKind::Pinc).map(|net| {
+        let parts = (Some(augmentation.clone()), Ahead::default());
+        (Guard::new(Cow::Owned(net), spec.outside_domain, parts), augmentation)
+    });
     Ok(ConfigEstimator {
         filter,
         names: estimator.names(&measurement, &variables),
@@ -153,6 +169,7 @@ pub fn estimator(
         variables,
         sample_time_s,
         initial_input: spec.initial_input.clone(),
+        watch,
     })
 }
 
@@ -166,48 +183,61 @@ struct Run {
     step_us: Vec<f64>,
 }
 
-fn run(
-    (filter, initial_input): (&mut dyn Estimator, Option<&[f64]>),
-    text: &[u8],
-    (variables, measured, parameters): (&Variables, &[String], (&[String], &[String])),
-    sample_time_s: f64,
-) -> Result<Run, At> {
-    let (header, rows) = rows(text)?;
-    let columns = RecordedColumns::find(&header, variables, measured, parameters);
-    let columns = columns.map_err(|problem| (1, problem))?;
-    let mut run = Run::default();
-    let mut before: Option<(f64, Vec<f64>)> = None;
-    for row in rows {
-        let (line, cells) = row?;
-        let row = columns.read(&cells).map_err(|problem| (line, problem))?;
-        if let Some((t, _)) = &before
-            && row.steps_since(*t, sample_time_s).is_none_or(|steps| !(0.5..1.5).contains(&steps))
-        {
-            let given = format!("{} s after {t} s given", row.t);
-            let problem = format!("column `t`: {given}, expected steps of T = {sample_time_s} s");
-            return Err((line, problem));
-        }
-        let clock = Instant::now();
-        match &before {
-            Some((_, u)) => run.history.predictions.push(filter.predict(u)),
-            None => filter.reset_input(initial_input.unwrap_or(&row.u)),
-        }
-        filter.set_parameters(&row.known);
-        let correction = filter.correct(&row.y);
-        run.step_us.push(1e6 * clock.elapsed().as_secs_f64());
-        if let Some(truth) = &row.truth {
-            let squared = &mut run.history.squared_errors;
-            squared.resize(truth.len(), 0.0);
-            for (sum, (z, x)) in squared.iter_mut().zip(filter.estimate().iter().zip(truth)) {
-                *sum += (z - x).powi(2);
+impl ConfigEstimator {
+    /// Runs over the `text` of the file `path`, which may not have a column of any of `constants`.
+    fn run(&mut self, (path, text): (&Path, &[u8]), constants: &[String]) -> Result<Run, RunError> {
+        let Self { filter, watch, measured, known, variables, .. } = self;
+        let (sample_time_s, initial_input) = (self.sample_time_s, self.initial_input.as_deref());
+        let at = |(line, problem): At| RunError::Csv { path: path.to_owned(), line, problem };
+        let (header, rows) = rows(text).map_err(at)?;
+        let columns = RecordedColumns::find(&header, variables, measured, (known, constants));
+        let columns = columns.map_err(|problem| at((1, problem)))?;
+        let mut run = Run::default();
+        let mut before: Option<(u64, RecordedRow)> = None;
+        for row in rows {
+            let (line, cells) = row.map_err(at)?;
+            let row = columns.read(&cells).map_err(|problem| at((line, problem)))?;
+            if let Some((_, RecordedRow { t, .. })) = &before
+                && row
+                    .steps_since(*t, sample_time_s)
+                    .is_none_or(|steps| !(0.5..1.5).contains(&steps))
+            {
+                let given = format!("{} s after {t} s given", row.t);
+                let problem =
+                    format!("column `t`: {given}, expected steps of T = {sample_time_s} s");
+                return Err(at((line, problem)));
             }
+            if let (Some((guard, augmentation)), Some((line, before))) = (&mut *watch, &before) {
+                let z = filter.estimate();
+                let mut x = z[..variables.state_names().len()].to_vec();
+                let mut w = [&z[x.len()..], &before.known].concat();
+                augmentation.read(z, &mut x, &mut w);
+                let outside =
+                    |error| RunError::Failed(format!("{}:{line}: {error}", path.display()));
+                guard.look(&x, &before.u, &w).map_err(outside)?;
+            }
+            let clock = Instant::now();
+            match &before {
+                Some((_, before)) => run.history.predictions.push(filter.predict(&before.u)),
+                None => filter.reset_input(initial_input.unwrap_or(&row.u)),
+            }
+            filter.set_parameters(&row.known);
+            let correction = filter.correct(&row.y);
+            run.step_us.push(1e6 * clock.elapsed().as_secs_f64());
+            if let Some(truth) = &row.truth {
+                let squared = &mut run.history.squared_errors;
+                squared.resize(truth.len(), 0.0);
+                for (sum, (z, x)) in squared.iter_mut().zip(filter.estimate().iter().zip(truth)) {
+                    *sum += (z - x).powi(2);
+                }
+            }
+            run.history.take_note(filter.as_ref(), &row.y, correction);
+            run.t.push(row.t);
+            before = Some((line, row));
         }
-        run.history.take_note(filter, &row.y, correction);
-        run.t.push(row.t);
-        before = Some((row.t, row.u));
-    }
-    match run.t.len() {
-        0 => Err(too_few_rows(0, 1)),
-        _ => Ok(run),
+        match run.t.len() {
+            0 => Err(at(too_few_rows(0, 1))),
+            _ => Ok(run),
+        }
     }
 }

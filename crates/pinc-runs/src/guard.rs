@@ -5,7 +5,7 @@ use pinc_config::OutsidePolicy;
 use pinc_estimate::{Augmentation, InnerArguments};
 use pinc_net::PincNet;
 use pinc_ode::Dims;
-use pinc_record::{Excess, OutsideDomain, significant};
+use pinc_record::{OutsideDomain, significant};
 use std::borrow::Cow;
 
 /// Beyond the box by less than this share of its width is rounding.
@@ -71,7 +71,6 @@ impl<'n> Guard<'n> {
     /// Counts a use in the state `x` under the input `u` with the parameters `p` of the model; an
     /// error if it is to be refused.
     pub(crate) fn look(&mut self, x: &[f64], u: &[f64], p: &[f64]) -> Result<(), RunError> {
-        self.found.samples += 1;
         let [x, u, p] = self.arguments.of(x, u, p);
         let (net, p) = match &self.member {
             Some(Member { family, parameters }) => (family, &parameters[..]),
@@ -89,29 +88,21 @@ impl<'n> Guard<'n> {
                 excesses.iter_mut().zip(there).for_each(|(most, of)| *most = most.max(of));
             }
         }
-        let mut outside = false;
-        for ((name, excess), (low, high)) in names.zip(excesses).zip(domain.ends()) {
-            if excess <= ROUNDING * (high - low) {
-                continue;
-            }
-            if self.policy == OutsidePolicy::Refuse {
-                return Err(RunError::Failed(format!(
-                    "the net would be used outside its training domain: {name} is {} \
-                     beyond {low} to {high}; train on a larger [domain], or continue with {}",
-                    significant(excess),
-                    self.report
-                )));
-            }
-            outside = true;
-            let of = self
-                .found
-                .variables
-                .entry(name.to_owned())
-                .or_insert(Excess { samples: 0, farthest: 0.0 });
-            of.samples += 1;
-            of.farthest = of.farthest.max(excess);
+        let beyond = |((_, excess), (low, high)): &((&str, f64), (f64, f64))| {
+            *excess > ROUNDING * (high - low)
+        };
+        let mut outside = names.zip(excesses).zip(domain.ends()).filter(beyond).peekable();
+        if let (OutsidePolicy::Refuse, Some(((name, excess), (low, high)))) =
+            (self.policy, outside.peek())
+        {
+            return Err(RunError::Failed(format!(
+                "the net would be used outside its training domain: {name} is {} beyond {low} to \
+                 {high}; train on a larger [domain], or continue with {}",
+                significant(*excess),
+                self.report
+            )));
         }
-        self.found.outside += usize::from(outside);
+        self.found.add(outside.map(|((name, excess), _)| (name.to_owned(), excess)));
         Ok(())
     }
 

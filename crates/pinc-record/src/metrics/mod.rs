@@ -243,6 +243,34 @@ pub struct Excess {
     pub farthest: f64,
 }
 
+impl OutsideDomain {
+    /// Adds a step with these variables outside, each with its distance from the box.
+    pub fn add(&mut self, excesses: impl IntoIterator<Item = (String, f64)>) {
+        self.samples += 1;
+        let mut outside = false;
+        for (name, excess) in excesses {
+            outside = true;
+            let nothing = Excess { samples: 0, farthest: 0.0 };
+            let of = self.variables.entry(name).or_insert(nothing);
+            of.samples += 1;
+            of.farthest = of.farthest.max(excess);
+        }
+        self.outside += usize::from(outside);
+    }
+
+    /// What to make of it where a net stands for the plant along recorded data; `None` if it was never
+    /// outside.
+    #[must_use]
+    pub fn note(&self) -> Option<String> {
+        (self.outside > 0).then(|| {
+            format!(
+                "{self}; the net's errors there look like another plant: train it on a larger \
+                 [domain], or take an integrator (--only rk4)"
+            )
+        })
+    }
+}
+
 impl std::fmt::Display for OutsideDomain {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         write!(f, "outside the training domain in {} of {} steps", self.outside, self.samples)?;

@@ -52,3 +52,48 @@ fn a_loop_outside_the_domain_is_ended_where_that_is_asked_for() {
     let [rk4] = &loops[..] else { panic!("{metrics}") };
     assert_eq!(rk4["model"], "rk4", "{metrics}");
 }
+
+/// Recorded inputs that leave the box by 0.5 in three of eleven steps: identification and estimator
+/// name them before they blame the plant or their numbers, or end there.
+#[test]
+fn recorded_data_outside_the_domain_are_reported_or_end_the_command() {
+    let dir = tempfile::tempdir().unwrap();
+    let sections = "\n[identify]\nmeasured = [\"x1\", \"x2\"]\nmeasurement_sd = [0.1, 0.1]\n\
+        initial_state = [0.1, 0.0]\n[control.measurement]\n[control.estimator]\nkind = \"ekf\"\n\
+        process_sd = [0.1, 0.1]\nmeasurement_sd = [0.1, 0.1]\ninitial_estimate = [0.1, 0.0]\n\
+        initial_sd = [0.1, 0.1]\n";
+    std::fs::write(dir.path().join("experiment.toml"), smoke() + sections).unwrap();
+    let row =
+        |k: u32| format!("{},{},0.1,0.0\n", 0.5 * f64::from(k), if k / 3 == 1 { 1.5 } else { 0.1 });
+    let rows: String = (0..12).map(row).collect();
+    std::fs::write(dir.path().join("data.csv"), "t,u,y_x1,y_x2\n".to_owned() + &rows).unwrap();
+    let run = |command: &str, more: &[&str]| {
+        let mut command = pinc(&[command, "experiment.toml"]);
+        outcome(command.args(more).current_dir(dir.path()))
+    };
+    let iterations = ["--set", "training.phases.0.iterations=20", "--out", "net"];
+    let trained = run("train", &iterations);
+    assert_eq!(trained.code, Some(0), "{trained:?}");
+    let files = ["--data", "data.csv", "--model", "net/model.safetensors"];
+    let refuse = ["--set", "control.outside_domain=refuse"];
+    let cases =
+        [("identify", &["--out", "found"][..], "data.csv: "), ("estimate", &[], "data.csv:5: ")];
+    for (command, out, place) in cases {
+        let found = run(command, &[&files, out].concat());
+        assert_eq!(found.code, Some(0), "{found:?}");
+        let said = found.stdout.split("outside the training domain in ").nth(1);
+        let said = said.unwrap_or_else(|| panic!("nothing said: {found:?}"));
+        assert!(said.starts_with("3 of 11 steps: u by up to 0.500 (3 steps); "), "{found:?}");
+        let ended = run(command, &[&files, &refuse[..]].concat());
+        assert_eq!(ended.code, Some(1), "{ended:?}");
+        let parts = [place, "u is 0.500 beyond -1 to 1", "control.outside_domain = \"report\""];
+        for part in parts {
+            assert!(ended.stderr.contains(part), "no `{part}` in {ended:?}");
+        }
+        let numerical = run(command, &["--data", "data.csv", "--only", "rk4"]);
+        assert_eq!(numerical.code, Some(0), "{numerical:?}");
+        assert!(!numerical.stdout.contains("domain"), "{numerical:?}");
+    }
+    let json = std::fs::read_to_string(dir.path().join("found/identify.json")).unwrap();
+    assert!(json.contains("outside the training domain in 3 of 11 steps"), "{json}");
+}

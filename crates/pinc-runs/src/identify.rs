@@ -1,12 +1,13 @@
 //! `pinc identify`: parameters and initial states from recorded data.
 
+use super::guard::{Ahead, Guard};
 use super::{Options, rebuild_report};
 use crate::RunError;
 use crate::horizon::outputs;
 use crate::invocation::invocation;
 use pinc_config::{
     Experiment, IdentifiedNet, IdentifiedParameter, IdentifyCriterion, IdentifySpec, ModelKind,
-    PlantSpec, Variables, repeated_file,
+    OutsidePolicy, PlantSpec, Variables, repeated_file,
 };
 use pinc_identify::{
     Channel, Criterion, Estimate, Identified, IdentifyError, InitialState, Prior, Problem,
@@ -15,13 +16,14 @@ use pinc_identify::{
 };
 use pinc_net::{PincModel, PincNet};
 use pinc_ode::{DynPlant, Model, WithOutputs};
-use pinc_record::columns::{not_later, rows, too_far, too_few_rows};
+use pinc_record::columns::{not_later, rows, too_few_rows};
 use pinc_record::{
     CorrelationMetrics, EstimateMetrics, HeldOutMetrics, IdentificationMetrics,
-    InitialStateMetrics, InputCorrelationMetrics, MinimumMetrics, ParameterMetrics, Provenance,
-    RecordedColumns, RecordedRow, ResidualMetrics, ResidualRow, ResidualTable, RunDir,
-    StartMetrics, WorkMetrics, file, read_file,
+    InitialStateMetrics, InputCorrelationMetrics, MinimumMetrics, OutsideDomain, ParameterMetrics,
+    Provenance, RecordedColumns, RecordedRow, RecordedSteps, ResidualMetrics, ResidualRow,
+    ResidualTable, RunDir, StartMetrics, WorkMetrics, file, read_file,
 };
+use std::borrow::Cow;
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use std::num::NonZero;
@@ -32,8 +34,6 @@ use std::time::Instant;
 const SUBSTEPS: usize = 4;
 /// The rows of a file that is held out to which its initial state is fitted.
 const VALIDATION_ROWS: usize = 5;
-/// How many steps may lie between two rows.
-const LONGEST_GAP: f64 = 1e6;
 
 /// Identifies what `[identify]` of `experiment` asks for in the files `data`, and writes the run
 /// directory `dir`: `identify.json`, `residuals.csv`, `identified.toml` and the report. The model
@@ -96,7 +96,12 @@ pub fn identify(
     let sample_time_s = step_s(experiment, spec, net, &fitted);
     let recorded = |files: &[PathBuf], tables: &[Rows]| -> Result<Vec<_>, _> {
         let files = files.iter().zip(tables);
-        files.map(|(path, table)| filled(path, table, sample_time_s)).collect()
+        let filled = files.map(|(path, table)| {
+            let name = path.file_name().unwrap_or(path.as_os_str()).to_string_lossy();
+            let all = RecordedSteps::filled(&name, table, sample_time_s);
+            all.map_err(|(line, problem)| RunError::Csv { path: path.clone(), line, problem })
+        });
+        filled.collect()
     };
     let unseen = recorded(held_out, &tables(held_out)?)?;
     let recorded = recorded(data, &fitted)?;
@@ -107,12 +112,12 @@ pub fn identify(
         RunError::usage(held_out[file].display(), problem)
     };
     let steps = unseen.iter().enumerate().map(|(file, of)| {
-        fitted_steps(&problem, of.recording(), rows).map_err(|error| unfit(file, error))
+        fitted_steps(&problem, recording(of), rows).map_err(|error| unfit(file, error))
     });
     let steps = steps.collect::<Result<Vec<_>, _>>()?;
     let starts = starts.or(spec.starts).unwrap_or_else(|| problem.default_starts());
     let model = || fitted_model(experiment, spec, (kind, net), &*plant, sample_time_s);
-    let recordings: Vec<_> = recorded.iter().map(Recorded::recording).collect();
+    let recordings: Vec<_> = recorded.iter().map(recording).collect();
     let clock = Instant::now();
     let threads = std::thread::available_parallelism().map_or(1, NonZero::get);
     let finished = spec.finished_starts.unwrap_or(Starts::default().finished);
@@ -127,16 +132,19 @@ pub fn identify(
     let wall_s = clock.elapsed().as_secs_f64();
     let mut of_unseen = Vec::new();
     for (file, (of, steps)) in unseen.iter().zip(steps).enumerate() {
-        let simulated = simulate_held_out(&mut *model()?, &problem, &found.p, of.recording(), rows);
+        let simulated = simulate_held_out(&mut *model()?, &problem, &found.p, recording(of), rows);
         let simulated = simulated.map_err(|error| unfit(file, error))?;
         let pairs = [&of.y, &simulated].map(|of| &of[steps * measured.len()..]);
         of_unseen.push(HeldOutMetrics::of(of.name.clone(), rows, (&measured, pairs)));
     }
-    let metrics = IdentificationMetrics {
+    let policy = experiment.control.as_ref().map(|of| of.outside_domain).unwrap_or_default();
+    let outside = net.map(|net| outside(net, policy, &recorded, &found)).transpose()?;
+    let mut metrics = IdentificationMetrics {
         nets: spec.nets.iter().map(|net| net.name.clone()).collect(),
         held_out: of_unseen,
         ..metrics(experiment, (kind, &problem), &recorded, &found, wall_s)
     };
+    metrics.findings.splice(0..0, outside.and_then(|found| found.note()));
     let mut run_dir = RunDir::open(dir, experiment, std::process::id())?;
     let provenance = Provenance::of(experiment, invocation(options.arguments));
     run_dir.write_provenance(&provenance, false)?;
@@ -202,54 +210,8 @@ fn step_s(
     known.unwrap_or_else(|| steps.fold(f64::INFINITY, f64::min))
 }
 
-/// A file as the fit needs it: a row for each step.
-struct Recorded {
-    name: String,
-    u: Vec<f64>,
-    y: Vec<f64>,
-    t: Vec<f64>,
-    channels: usize,
-}
-
-impl Recorded {
-    fn recording(&self) -> Recording<'_> {
-        Recording { name: &self.name, u: &self.u, y: &self.y }
-    }
-}
-
-/// Fills the steps between rows: there is no measurement, and the input holds.
-fn filled(path: &Path, rows: &Rows, sample_time_s: f64) -> Result<Recorded, RunError> {
-    let name = path.file_name().unwrap_or(path.as_os_str()).to_string_lossy().into_owned();
-    let channels = rows[0].1.y.len();
-    let (u, y, t) = (Vec::new(), Vec::new(), Vec::new());
-    let mut all = Recorded { name, u, y, t, channels };
-    let mut before: Option<&RecordedRow> = None;
-    for (line, row) in rows {
-        if let Some(before) = before {
-            let at = |problem| RunError::Csv { path: path.to_owned(), line: *line, problem };
-            if (row.t - before.t) / sample_time_s > LONGEST_GAP {
-                return Err(at(too_far(row.t)));
-            }
-            let steps = row.steps_since(before.t, sample_time_s).filter(|steps| *steps >= 1.0);
-            let steps = steps.ok_or_else(|| {
-                at(format!(
-                    "column `t`: {} s after {} s given, expected a whole number of steps of T = \
-                     {sample_time_s} s; identify.step_s sets T for integrators",
-                    row.t, before.t
-                ))
-            })?;
-            for k in (1..).map(f64::from).take_while(|k| *k < steps) {
-                all.u.extend(&before.u);
-                all.y.extend(std::iter::repeat_n(f64::NAN, channels));
-                all.t.push(before.t + k * sample_time_s);
-            }
-        }
-        all.u.extend(&row.u);
-        all.y.extend(&row.y);
-        all.t.push(row.t);
-        before = Some(row);
-    }
-    Ok(all)
+fn recording(of: &RecordedSteps) -> Recording<'_> {
+    Recording { name: &of.name, u: &of.u, y: &of.y }
 }
 
 /// The problem to fit, and the plant that has its parameters.
@@ -372,6 +334,26 @@ fn fitted_model(
     Ok(plant.model(integrator, sample_time_s, substeps)?)
 }
 
+/// How often and how far the fit uses `net` outside its training domain, step by step.
+fn outside(
+    net: &PincNet,
+    policy: OutsidePolicy,
+    recorded: &[RecordedSteps],
+    found: &Identified,
+) -> Result<OutsideDomain, RunError> {
+    let mut guard = Guard::new(Cow::Borrowed(net), policy, (None, Ahead::default()));
+    let [nx, nu] = [net.state_names(), net.input_names()].map(<[_]>::len);
+    for (of, x) in recorded.iter().zip(&found.states) {
+        // No step begins in the last row.
+        for k in 1..of.t.len() {
+            let (x, u) = (&x[(k - 1) * nx..k * nx], &of.u[(k - 1) * nu..k * nu]);
+            let refused = |error| RunError::Failed(format!("{}: {error}", of.name));
+            guard.look(x, u, &found.p).map_err(refused)?;
+        }
+    }
+    Ok(guard.found())
+}
+
 /// An error with the file that it is about.
 fn in_file(error: IdentifyError, data: &[PathBuf]) -> RunError {
     match &error {
@@ -386,7 +368,7 @@ fn in_file(error: IdentifyError, data: &[PathBuf]) -> RunError {
 fn metrics(
     experiment: &Experiment,
     (kind, problem): (ModelKind, &Problem),
-    recorded: &[Recorded],
+    recorded: &[RecordedSteps],
     found: &Identified,
     wall_s: f64,
 ) -> IdentificationMetrics {
@@ -470,10 +452,10 @@ fn start_metrics(problem: &Problem, start: &Start) -> StartMetrics {
     }
 }
 
-fn residuals(measured: &[String], recorded: &[Recorded], found: &Identified) -> ResidualTable {
+fn residuals(measured: &[String], recorded: &[RecordedSteps], found: &Identified) -> ResidualTable {
     let mut rows = Vec::new();
     for (number, (of, fitted)) in recorded.iter().zip(&found.fitted).enumerate() {
-        let cut = of.y.chunks(of.channels).zip(fitted.chunks(of.channels)).zip(&of.t);
+        let cut = of.y.chunks(measured.len()).zip(fitted.chunks(measured.len())).zip(&of.t);
         rows.extend(cut.map(|((y, fitted), t)| ResidualRow {
             file: number + 1,
             t: *t,
@@ -502,6 +484,3 @@ fn identified(
     let (config, weights) = experiment.with_parameters(&values).to_toml_with_weights_beside();
     (format!("{text}\n{config}"), weights)
 }
-
-#[cfg(test)]
-mod tests;
