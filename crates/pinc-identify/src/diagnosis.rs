@@ -5,6 +5,7 @@ use crate::fit::{Fit, FitStatus};
 use crate::influence::acting_elsewhere;
 use crate::problem::{Criterion, Problem};
 use crate::result::{ChannelFit, Identified, outputs};
+use crate::shooting::Shooting;
 use crate::trajectory::{Evaluation, Trajectory};
 use crate::whiteness;
 use std::fmt;
@@ -19,6 +20,9 @@ const NOISE: f64 = 2.0;
 const ROUGH_NOISE: f64 = 4.0;
 /// The ratio from which on units are suspected.
 const UNITS: f64 = 100.0;
+/// How much more the end of a recording may depend on the initial state than this itself, where
+/// measurements correct predictions.
+const FORGOTTEN: f64 = 10.0;
 /// The share of the largest entry that a parameter must have in a direction to be named.
 const NAMED: f64 = 0.05;
 
@@ -39,6 +43,11 @@ pub enum Diagnosis {
     NotConverged {
         /// How it ended.
         status: FitStatus,
+    },
+    /// Predictions that do not forget the initial state: with K the predictor is unstable.
+    UnstablePredictor {
+        /// How much of its scale the last state changes where the initial one changes by its scale.
+        growth: f64,
     },
     /// An unknown that nothing measured depends on.
     NoInfluence {
@@ -151,6 +160,12 @@ impl fmt::Display for Diagnosis {
             Self::NotConverged { status } => {
                 write!(f, "the fit did not converge ({status}): start nearer, or set bounds")
             }
+            Self::UnstablePredictor { growth } => write!(
+                f,
+                "the predictor with this K is unstable: the last prediction depends on the initial \
+                 state {growth:.1e}-fold, which fits noise, so that neither K nor the intervals mean \
+                 anything; take more rows, or criterion = \"simulation\" if nothing disturbs the plant"
+            ),
             Self::NoInfluence { name } => {
                 write!(f, "{name} cannot be identified: nothing measured depends on it")
             }
@@ -281,7 +296,10 @@ pub(crate) fn findings(
     with: &mut Evaluation<'_>,
 ) -> Vec<Diagnosis> {
     let mut all = Vec::new();
-    if found.status != FitStatus::Converged {
+    let growth = fit.recordings.iter().map(Shooting::growth_to_end).fold(0.0, f64::max);
+    if problem.criterion == Criterion::PredictionError && growth > FORGOTTEN {
+        all.push(Diagnosis::UnstablePredictor { growth });
+    } else if found.status != FitStatus::Converged {
         all.push(Diagnosis::NotConverged { status: found.status });
     }
     let names: Vec<String> = found.estimates().map(|of| of.name.clone()).collect();

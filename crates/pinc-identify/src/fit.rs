@@ -108,6 +108,11 @@ impl<'a> Fit<'a> {
         self.prior_cost + self.recordings.iter().map(|of| of.trajectory.cost).sum::<f64>()
     }
 
+    /// How much the states depend on the initial one, at most.
+    pub(crate) fn growth(&self) -> f64 {
+        self.recordings.iter().map(|of| of.growth).fold(1.0, f64::max)
+    }
+
     pub(crate) fn gaps(&self) -> f64 {
         self.recordings.iter().map(Shooting::gaps).sum()
     }

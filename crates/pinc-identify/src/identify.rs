@@ -145,7 +145,7 @@ impl<'a> Begun<'a> {
         let finite = start.iter().all(Trajectory::is_finite);
         let mut fit = Fit::new(problem, p.clone(), begin, with);
         let linear = finite && fit.linearize(problem, with);
-        let growth = fit.recordings.iter().map(|of| of.growth).fold(1.0, f64::max);
+        let growth = fit.growth();
         Self { fit, start, p, linear, growth }
     }
 
@@ -185,7 +185,7 @@ impl<'a> Begun<'a> {
             return Ok((fit, Method::MultipleShooting(why)));
         }
         fit.run(problem, with);
-        let method = Method::SingleShooting { growth };
+        let method = Method::SingleShooting { growth: fit.growth() };
         let asked = problem.criterion == Criterion::Simulation;
         Ok(match doubt(problem, &fit).filter(|_| !asked) {
             None => (fit, method),

@@ -3,14 +3,17 @@
 use crate::fit::FitStatus;
 use std::fmt;
 
+/// The growth from which on its size alone is printed.
+const HUGE: f64 = 1e4;
+
 /// How the model was led along the recordings, and why so.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub enum Method {
     /// From the initial state to the end.
     SingleShooting {
-        /// By how much of its scale a state changes where the initial one is changed by its scale,
-        /// at most.
+        /// By how much of its scale a state changes along the fit where the initial one is changed by
+        /// its scale, at most.
         growth: f64,
     },
     /// In segments whose gaps were closed.
@@ -57,8 +60,11 @@ impl Method {
 impl fmt::Display for Method {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::SingleShooting { growth } => {
+            Self::SingleShooting { growth } if *growth < HUGE => {
                 write!(f, "the states depend on the initial one at most {growth:.3}-fold")
+            }
+            Self::SingleShooting { growth } => {
+                write!(f, "the states depend on the initial one at most {growth:.1e}-fold")
             }
             Self::MultipleShooting(Why::Asked) => write!(f, "as asked for"),
             Self::MultipleShooting(Why::NotFinite) => {

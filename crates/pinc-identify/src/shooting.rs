@@ -54,6 +54,8 @@ pub(crate) struct Shooting<'a> {
     links: Vec<Link>,
     /// How much the state depends on the first one, at most.
     pub(crate) growth: f64,
+    /// The change of the last state by (q, p, 1), `[nx, width]`.
+    last: Vec<f64>,
 }
 
 /// What a choice of new q does: q = W (q', p, 1), and the change of the state there by (q', p, 1).
@@ -112,6 +114,7 @@ impl<'a> Shooting<'a> {
             nq,
             links: Vec::new(),
             growth: 1.0,
+            last: Vec::new(),
         }
     }
 
@@ -145,6 +148,9 @@ impl<'a> Shooting<'a> {
             let points = BLOCK.min(rows - first);
             self.linearize_block(problem, (first, points), with, block);
             for k in first..first + points {
+                if k + 1 == rows {
+                    self.last.clone_from(&s);
+                }
                 self.push_row(problem, (k, gains), &mut s, (k - first, &mut *block));
                 if k + 1 == rows {
                     break;
@@ -295,6 +301,20 @@ impl<'a> Shooting<'a> {
             substitute(&mut self.triangle, nq, &back);
         }
         self.links.push(Link { back, node: s.to_vec() });
+    }
+
+    /// How much of its scale the last state changes where the first one changes by its scale, in the
+    /// worst of directions; 0 where the first state is known.
+    pub(crate) fn growth_to_end(&self) -> f64 {
+        let (nx, nq, width) = (self.scale.len(), self.nq, self.triangle.width());
+        // Of the first state by q, which for the last segment is another q than for the first.
+        let Some((_, sigma, v)) = self.directions(&self.first_state()) else { return 0.0 };
+        let last = |i: usize, k: usize| -> f64 {
+            let row = &self.last[i * width..i * width + nq];
+            row.iter().zip(v.iter().skip(k).step_by(nq)).map(|(s, v)| s * v).sum()
+        };
+        let change = Mat::from_fn(nx, nq, |i, k| last(i, k) / (sigma[k] * self.scale[i]));
+        change.norm_l2()
     }
 
     /// The singular value decomposition U, sigma, V of the change of the state by q, in scales of

@@ -1,9 +1,9 @@
 //! The error of prediction.
 
-use crate::support::{noise, oscillator, problem, steps};
+use crate::support::{noise, oscillator, plant, problem, steps};
 use pinc_identify::{
-    Criterion, Estimate, FitStatus, Identified, IdentifyError, InitialState, Problem, Recording,
-    Starts, fitted_steps, identify, identify_from_starts, simulate_held_out,
+    Criterion, Diagnosis, Estimate, FitStatus, Identified, IdentifyError, InitialState, Method,
+    Problem, Recording, Starts, fitted_steps, identify, identify_from_starts, simulate_held_out,
 };
 use pinc_ode::Integrator;
 
@@ -138,4 +138,51 @@ fn predictions_have_starts_and_are_validated_by_simulation() {
     assert!(fitted_steps(&known, recording, 67).is_ok());
     let error = fitted_steps(&known, recording, 68).unwrap_err();
     assert_eq!(error, IdentifyError::NothingHeldOut { rows: 68 });
+}
+
+/// A lag under steps with noise alone, of which short records have an optimum where the predictor is
+/// unstable, and fits the noise by the initial state: its growth is the pole to the power of the
+/// steps.
+#[test]
+fn a_predictor_that_does_not_forget_the_initial_state_is_named() {
+    let plant = plant(&[("x", "b*u - a*x")], &["u"], &[("a", 1.5), ("b", 1.0)], &["a", "b"]);
+    let fitted = |seed: u64, shaken: f64| {
+        let mut model = plant.model(Integrator::Rk4, 0.1, 2).unwrap();
+        let (u, w) = (steps(seed, 60, 10, (-1.0, 1.0)), noise(seed + 100, shaken, 60));
+        let (mut x, mut next, mut y) = ([1.0], [0.0], Vec::new());
+        for (k, e) in noise(seed + 200, 0.01, 60).into_iter().enumerate() {
+            y.push(x[0] + e);
+            model.step(&x, &u[k..=k], &[1.5, 1.0], &mut next);
+            x[0] = next[0] + w[k];
+        }
+        let start = [(1.0, 0.1, 5.0), (0.8, 0.1, 5.0)];
+        let free = InitialState::Free(vec![1.0]);
+        let criterion = Criterion::PredictionError;
+        let problem = Problem { criterion, ..problem(&*plant, &[0], Some(0.01), &start, free) };
+        identify(&mut *model, &problem, &[Recording { name: "lag", u: &u, y: &y }]).unwrap()
+    };
+    let mut unstable = 0;
+    for seed in 0..20 {
+        let found = fitted(seed, 0.0);
+        let pole = (-0.1 * found.parameters[0].value).exp() * (1.0 - found.gains[0].value);
+        let growth = pole.abs().powi(59);
+        let said = found.findings.iter().find_map(|finding| match finding {
+            Diagnosis::UnstablePredictor { growth } => Some(*growth),
+            _ => None,
+        });
+        assert_eq!(said.is_some(), growth > 10.0, "{growth} {said:?}");
+        let Some(said) = said else { continue };
+        // RK4 has the pole to 1e-7.
+        assert!((said / growth - 1.0).abs() < 1e-3, "{growth} {said}");
+        unstable += 1;
+        let not_converged = |of: &Diagnosis| matches!(of, Diagnosis::NotConverged { .. });
+        assert!(!found.findings.iter().any(not_converged), "{:?}", found.findings);
+        if let Method::SingleShooting { growth } = found.method {
+            assert!(growth >= said, "{growth} {said}");
+        }
+    }
+    assert!((3..=15).contains(&unstable), "{unstable}");
+    for seed in 0..10 {
+        assert_eq!(fitted(seed, 0.03).findings, []);
+    }
 }
