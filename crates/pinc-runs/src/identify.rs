@@ -292,7 +292,10 @@ fn problem(
             }
         },
     };
-    Ok((problem, experiment.plant.family(&names)))
+    // What is not identified is for integrators what it is for a net.
+    let told = experiment.varying().into_iter().map(str::to_owned);
+    let told = told.zip(experiment.model_parameters()).collect();
+    Ok((problem, experiment.plant.with_parameters(&told).family(&names)))
 }
 
 /// The weights of the nets that are identified, as parameters, from where they are on.

@@ -219,6 +219,32 @@ fn gaps_and_several_files_are_taken() {
         .assert_refused(&["second.csv:1: column `k` is a parameter"]);
 }
 
+/// The models of a loop have another gamma than the plant's section: with it an integrator is fitted,
+/// as a net would be.
+#[test]
+fn parameters_that_are_not_identified_are_those_of_the_models() {
+    let family = "[domain]\nstate_low = [1.0]\nstate_high = [15.0]\ninput_low = [0.0]\n\
+        input_high = [5.0]\nparameters = { gamma = [0.3, 0.9] }\n[control]\nmodels = [\"rk4\"]\n\
+        step_s = 10.0\nduration_s = 100.0\ninitial_state = [8.0]\ncontrolled = [\"h\"]\nq = [1.0]\n\
+        r = [1.0]\ninput_low = [0.0]\ninput_high = [5.0]\nparameters = { gamma = 0.5 }\n\
+        references = [{ start_s = 0.0, value = [8.0] }]\n";
+    let (dir, config) = directory(&format!("{TANK}{family}"));
+    let (data, out) = (text(&dir.path().join("data.csv")), dir.path().join("out"));
+    fs::write(&data, tank_csv(80, 1.0)).unwrap();
+    let found = |set: &str| {
+        let arguments = ["identify", &config, "--data", &data, "--out", &text(&out.join(set))];
+        let found = outcome(pinc(&arguments).args(["--set", set]));
+        assert_eq!(found.code, Some(0), "{found:?}");
+        json(&out.join(set))["parameters"]["k"]["value"].as_f64().unwrap()
+    };
+    // The data tell the product, 3.1 * 0.6.
+    let models = found("seed=1");
+    assert!((models * 0.5 - 1.86).abs() < 0.03, "{models}");
+    let plant = found("control.parameters={}");
+    assert!((plant * 0.6 - 1.86).abs() < 0.03, "{plant}");
+    assert!((models * 0.5 - plant * 0.6).abs() < 1e-6, "{models} {plant}");
+}
+
 /// Quantities whose noise nobody gives, in cm and in a thousandth of it, count by their residuals: the
 /// fit is nearly that with the noise given, and says what it took.
 #[test]
