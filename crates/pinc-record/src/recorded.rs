@@ -113,7 +113,8 @@ impl RecordedColumns {
     ) -> Result<Self, String> {
         if let Some(column) = header.iter().find(|column| constants.iter().any(|c| c == column)) {
             return Err(format!(
-                "column `{column}` is a parameter, which is constant here; remove the column"
+                "column `{column}` is a parameter, which is constant here; remove the column, or \
+                 make it an input of the plant if it changes"
             ));
         }
         let inputs = variables.input_names();

@@ -24,7 +24,7 @@ use pinc_record::{
     ResidualTable, RunDir, StartMetrics, WorkMetrics, file, read_file,
 };
 use std::borrow::Cow;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write as _;
 use std::num::NonZero;
 use std::path::{Path, PathBuf};
@@ -144,7 +144,8 @@ pub fn identify(
         held_out: of_unseen,
         ..metrics(experiment, (kind, &problem), &recorded, &found, wall_s)
     };
-    metrics.findings.splice(0..0, outside.and_then(|found| found.note()));
+    let outside = outside.and_then(|found| found.note()).into_iter();
+    metrics.findings.splice(0..0, outside.chain(held(experiment, spec)));
     let mut run_dir = RunDir::open(dir, experiment, std::process::id())?;
     let provenance = Provenance::of(experiment, invocation(options.arguments));
     run_dir.write_provenance(&provenance, false)?;
@@ -335,6 +336,19 @@ fn fitted_model(
     let of_the_loop = control.map(|control| control.own_substeps(integrator));
     let substeps = spec.substeps.or(of_the_loop).unwrap_or(SUBSTEPS);
     Ok(plant.model(integrator, sample_time_s, substeps)?)
+}
+
+/// What there is to say of the parameters that a loop is told anew, which a fit takes for constant.
+fn held(experiment: &Experiment, spec: &IdentifySpec) -> Vec<String> {
+    let schedule = experiment.control.iter().flat_map(|control| &control.parameter_schedule);
+    let told = schedule.flat_map(|step| step.values.keys()).chain(experiment.measured_parameters());
+    let mut told: BTreeSet<&str> = told.map(String::as_str).collect();
+    spec.parameters.iter().for_each(|of| _ = told.remove(of.name.as_str()));
+    let all = experiment.varying().into_iter().zip(experiment.model_parameters());
+    let said = all.filter(|(name, _)| told.contains(name)).map(|(name, value)| {
+        format!("{name} is {value} in all rows: if it changes, make it an input of the plant")
+    });
+    said.collect()
 }
 
 /// How often and how far the fit uses `net` outside its training domain, step by step.

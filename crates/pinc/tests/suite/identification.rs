@@ -243,6 +243,13 @@ fn parameters_that_are_not_identified_are_those_of_the_models() {
     let plant = found("control.parameters={}");
     assert!((plant * 0.6 - 1.86).abs() < 0.03, "{plant}");
     assert!((models * 0.5 - plant * 0.6).abs() < 1e-6, "{models} {plant}");
+    // What the controller is told anew in each step is constant to the fit, which says so.
+    let measured = "control.measured_parameters=[\"gamma\"]";
+    assert!((found(measured) - plant).abs() < 1e-9);
+    let findings = &json(&out.join(measured))["findings"];
+    let said = "gamma is 0.6 in all rows: if it changes, make it an input of the plant";
+    assert_eq!(findings[0], said, "{findings}");
+    assert_eq!(json(&out.join("seed=1"))["findings"].as_array().unwrap().len(), 0);
 }
 
 /// Quantities whose noise nobody gives, in cm and in a thousandth of it, count by their residuals: the
