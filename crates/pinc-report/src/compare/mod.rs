@@ -10,7 +10,7 @@ use crate::html;
 use crate::number_tables::NumberTable;
 use crate::picture::{Drawn, drawn};
 use pinc_chart::text::{self, escape};
-use pinc_record::{ControlMetrics, Metrics, RunDir};
+use pinc_record::{ControlMetrics, Metrics, RunDir, file};
 use std::path::{Path, PathBuf};
 
 /// Runs side by side.
@@ -98,6 +98,11 @@ fn one(dir: &Path, name: String) -> Result<Compared, ReportError> {
     }
     let metrics = run.metrics.clone();
     let metrics = metrics.ok_or_else(|| ReportError::NoMetrics { dir: dir.to_owned() })?;
+    let is_run = metrics.training.is_some() || !metrics.control.is_empty();
+    if run.identification.is_some() && !is_run {
+        let (command, place) = ("pinc identify", dir.join(file::REPORT));
+        return Err(ReportError::NotOfARun { dir: dir.to_owned(), command, place });
+    }
     run.control.loops.retain(|of| !of.table.rows.is_empty());
     Ok(Compared { name, dir: dir.to_owned(), run, metrics })
 }

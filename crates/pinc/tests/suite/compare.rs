@@ -61,6 +61,12 @@ fn what_cannot_be_compared_is_refused_in_words() {
     let [tank, oscillator, empty] = ["tank", "oscillator", "empty"].map(|n| dir.path().join(n));
     control("configs/smoke/rk4-only.toml", &tank, "seed=7");
     fs::create_dir(&empty).unwrap();
+    let found = dir.path().join("found");
+    let mut identify = pinc(&["identify", "--quiet", "--starts", "1", "--out"]);
+    identify.arg(&found).arg(repository("configs/identification/tanks.toml"));
+    identify.arg("--data").arg(repository("configs/identification/tanks.csv"));
+    assert_eq!(outcome(&mut identify).code, Some(0));
+    compare(&[&found, &found], &[]).assert_refused(&["results of `pinc identify`", "report.html"]);
     compare(&[&tank, &empty], &[]).assert_refused(&["empty", "no config.toml of a run"]);
     compare(&[&tank, &dir.path().join("none")], &[]).assert_refused(&["none: not a directory"]);
     outcome(pinc(&["status"]).arg(dir.path().join("none"))).assert_refused(&["it does not exist"]);
