@@ -182,12 +182,16 @@ impl fmt::Display for Diagnosis {
             }
             Self::Undetermined { direction } => {
                 let names: Vec<_> = direction.iter().map(|(name, _)| name.as_str()).collect();
-                write!(f, "{} cannot be identified together: ", names.join(", "))?;
+                let (together, them) = match names.len() {
+                    1 => ("", "it"),
+                    _ => (" together", "one of them"),
+                };
+                write!(f, "{} cannot be identified{together}: ", names.join(", "))?;
                 for (i, (name, change)) in direction.iter().enumerate() {
                     let comma = if i == 0 { "" } else { ", " };
                     write!(f, "{comma}{name} by {change:+.2} %")?;
                 }
-                write!(f, " changes nothing measured; fix one of them, or vary the inputs more")
+                write!(f, " changes nothing measured; fix {them}, or vary the inputs more")
             }
             Self::Weak { name, share } => write!(
                 f,

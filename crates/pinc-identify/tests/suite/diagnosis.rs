@@ -86,6 +86,10 @@ fn a_pair_that_cannot_be_told_apart_is_named_with_its_direction() {
     assert!(
         text.contains("k, gamma cannot be identified together: k by +1.00 %, gamma by -1.00 %")
     );
+    let alone = Diagnosis::Undetermined { direction: vec![("k".to_owned(), 1.0)] };
+    let expected = "k cannot be identified: k by +1.00 % changes nothing measured; fix it, or vary the \
+        inputs more";
+    assert_eq!(alone.to_string(), expected);
     // What is determined is so, and the product too.
     assert!(found.parameters[0].half_width.is_some());
     assert_eq!((found.parameters[1].half_width, found.parameters[2].half_width), (None, None));
