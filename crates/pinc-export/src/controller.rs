@@ -228,14 +228,12 @@ impl<'a> Controller<'a> {
         if config.real_time {
             return refuse("real-time iterations", "sqp.real_time = false and a budget");
         }
-        // What else takes the exact Hessian where it is slow keeps Gauss-Newton here.
-        let chosen = config.hessian == SqpHessian::Adaptive;
-        if chosen || config.hessian == SqpHessian::Auto && problem.leaves_inputs_free() {
-            let feature = match chosen {
-                true => "sqp.hessian = \"adaptive\"",
-                false => {
+        if config.hessian.resolve(problem) == SqpHessian::Adaptive {
+            let feature = match problem.leaves_inputs_free() {
+                true => {
                     "an input without a weight in r beside fewer controlled quantities than inputs"
                 }
+                false => "sqp.hessian = \"adaptive\"",
             };
             return refuse(feature, "sqp.hessian = \"gauss-newton\"");
         }

@@ -51,9 +51,7 @@ impl fmt::Display for SqpStatus {
 #[non_exhaustive]
 pub enum SqpHessian {
     /// `Adaptive` on a scenario tree, where the cost leaves inputs free
-    /// ([`NmpcProblem::leaves_inputs_free`]), and where outputs, h or g have bounds: their curvature
-    /// counts as much as their multipliers, which is much where bounds are violated. Otherwise
-    /// `GaussNewton`.
+    /// ([`NmpcProblem::leaves_inputs_free`]), and with constraints h and g; otherwise `GaussNewton`.
     #[default]
     Auto,
     /// Without the curvature of model, outputs, h and g.
@@ -71,7 +69,6 @@ impl SqpHessian {
             Self::Auto
                 if !problem.tree().is_chain()
                     || problem.leaves_inputs_free()
-                    || problem.output_bounds.is_some()
                     || problem.constraints.is_some() =>
             {
                 Self::Adaptive
