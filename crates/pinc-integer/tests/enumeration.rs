@@ -1,7 +1,7 @@
 //! Plans with whole inputs, against the best of all of them.
 
 use pinc_integer::{BranchAndBound, sum_up};
-use pinc_mpc::{Bounds, Nmpc, NmpcProblem, Softness, SqpStatus, Weights};
+use pinc_mpc::{Bounds, Nmpc, NmpcProblem, Softness, SqpConfig, SqpStatus, Weights};
 use pinc_ode::{Model, Rk4};
 use pinc_plants::{FourTanks, VanDerPol};
 
@@ -231,6 +231,33 @@ fn an_input_is_whole_however_the_step_ended() {
         late += usize::from(step.status == SqpStatus::Deadline);
     }
     assert!(late > 20, "{late}");
+}
+
+/// Programs with most inputs held take fewer QPs than the relaxed one: the plan is whole although that did
+/// not converge.
+#[test]
+fn a_plan_is_whole_where_the_relaxed_one_was_not_found() {
+    let problem = NmpcProblem {
+        input_bounds: Bounds::new(vec![-1.0], vec![1.0]),
+        ..NmpcProblem::new(model().dims(), STAGES, Weights::uniform(vec![10.0; 2], vec![0.5]))
+    };
+    let config = SqpConfig { max_iterations: 3, ..SqpConfig::default() };
+    let relaxed = Nmpc::new(problem.clone(), Box::new(model()), config).unwrap();
+    let search = BranchAndBound::new(&problem, &[0], 5000, &[0.5; STAGES]);
+    let builder = Nmpc::builder(problem).model(Box::new(model())).config(config);
+    let (mut relaxed, mut nmpc) = (relaxed, builder.search(Box::new(search)).build().unwrap());
+    let mut missed = 0;
+    for x in [[0.5, 0.0], [-0.3, 0.6], [0.9, -0.4], [-0.8, -0.7]] {
+        relaxed.reset();
+        nmpc.reset();
+        let is_missed =
+            relaxed.step(&x, &[0.0; 2 * STAGES]).unwrap().status == SqpStatus::IterationLimit;
+        missed += usize::from(is_missed);
+        nmpc.step(&x, &[0.0; 2 * STAGES]).unwrap();
+        let inputs = nmpc.plan().inputs();
+        assert!(inputs.iter().all(|u| u.fract() == 0.0), "{x:?}: {inputs:?}");
+    }
+    assert!(missed > 0);
 }
 
 /// A rate limit that is no whole number admits the whole numbers within it: none but the input before,

@@ -21,7 +21,10 @@ impl Nmpc {
         found: Outcome,
         expired: &mut dyn FnMut() -> bool,
     ) -> Outcome {
-        let good = matches!(found.status, SqpStatus::Converged | SqpStatus::Stalled);
+        let good = matches!(
+            found.status,
+            SqpStatus::Converged | SqpStatus::Stalled | SqpStatus::IterationLimit
+        );
         let Some(search) = self.search.as_mut().filter(|_| good) else { return found };
         let reference = self.at_nodes.as_mut().map_or(reference, |nodes| nodes.spread(reference));
         let targets = Targets { reference, previous: &self.previous };
