@@ -117,6 +117,7 @@ fn scale(multipliers: &Multipliers) -> f64 {
     residual_scale(sums.iter().sum(), count)
 }
 
+/// A distance to a limit, 0 if rounding may have left it.
 #[inline(always)]
 fn beyond_rounding(distance: f64) -> f64 {
     if distance > ROUNDING { distance } else { 0.0 }

@@ -16,7 +16,7 @@ use std::ops::Range;
 pub struct Reference {
     outputs: usize,
     steps: usize,
-    /// As many values as there are, from `steps` on.
+    /// How many values there are: `steps`, and those that follow.
     rows: usize,
     values: Vec<f64>,
 }
