@@ -21,6 +21,10 @@ const ORDINARY_WEIGHT: [f64; 2] = [1e-3, 1e6];
 /// tolerance.
 const LARGEST_WEIGHT: f64 = 1e7;
 
+/// The unit of the cost is at most so many times the least weight: in a larger one, what that weights
+/// would be within the tolerance, wherever it is. Wide bounds make a weight of an input look large.
+const MOST_COST: f64 = 1e5;
+
 /// Bounds of an input that are wider than so many of its moves do not tell its size.
 const WIDE: f64 = 1e4;
 
@@ -146,7 +150,8 @@ impl Units {
         }
         let size = if most > 0.0 { (least * most).sqrt() } else { self.slope.unwrap_or(1.0) };
         let by_largest = (most / LARGEST_WEIGHT).log2().ceil().exp2();
-        self.cost = unit(size, ORDINARY_WEIGHT).max(by_largest);
+        let by_least = (MOST_COST * least).log2().floor().exp2().max(1.0);
+        self.cost = unit(size, ORDINARY_WEIGHT).max(by_largest).min(by_least);
         let is_one = |unit: &f64| unit.to_bits() == 1.0_f64.to_bits();
         self.plain = self.x.iter().chain(&self.u).chain(&self.rows).all(is_one);
         self.identity = self.plain && is_one(&self.cost);

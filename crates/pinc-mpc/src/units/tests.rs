@@ -23,8 +23,12 @@ fn what_has_no_weight_says_nothing_of_the_cost() {
 
 #[test]
 fn no_weight_is_so_large_that_rounding_is_above_the_tolerance() {
-    for (q, r) in [(1.0_f64, 1e8), (1e-3, 1e9), (1e9, 1e-6)] {
+    for (q, r) in [(1.0_f64, 1e8), (1e-2, 1e9), (1e9, 0.1)] {
         assert!(q.max(r) / cost(q, r) <= LARGEST_WEIGHT, "{q} {r}");
+    }
+    // Nor is the least one so small that its gradient is within the tolerance.
+    for (q, r) in [(1.0_f64, 1e17), (1e-3, 1e9), (1e20, 1e-6)] {
+        assert!(q.min(r) / cost(q, r) >= 1e-5 || cost(q, r) <= 1.0, "{q} {r}");
     }
     assert!((cost(1.0, 1e7) - 1.0).abs() < 1e-12);
 }

@@ -1,10 +1,34 @@
 //! The units of states, inputs and cost do not matter.
 
 use crate::problems::{Loop, four_tanks_loop, van_der_pol_loop};
+use crate::support::{Linear, scalar_problem};
 use crate::together::Together;
-use pinc_mpc::{Bounds, Constraints, Nmpc, QpMethod, SqpConfig, SqpStatus, Weights};
+use pinc_mpc::{Bounds, Constraints, Nmpc, NmpcProblem, QpMethod, SqpConfig, SqpStatus, Weights};
 use pinc_ode::{Dims, Linearization, Model, Rk4, Stages};
 use pinc_plants::{FourTanks, VanDerPol};
+
+/// Bounds so wide that they bound nothing do not tell what an input costs: the controller does not stay
+/// where it starts.
+#[test]
+fn wide_bounds_of_an_input_change_no_plan() {
+    let input = |bound: f64| {
+        let problem = NmpcProblem {
+            input_bounds: Bounds::new(vec![-bound], vec![bound]),
+            ..scalar_problem(5, 5)
+        };
+        let model = Box::new(Linear::scalar(0.9, 0.5));
+        let mut nmpc = Nmpc::new(problem, model, SqpConfig::default()).unwrap();
+        let step = nmpc.step(&[0.0], &[1.0; 5]).unwrap();
+        assert_eq!(step.status, SqpStatus::Converged, "{bound}: {step:?}");
+        step.u[0]
+    };
+    let expected = input(10.0);
+    assert!(expected > 0.1, "{expected}");
+    for bound in [1e6, 1e8, 1e10, 1e12] {
+        let found = input(bound);
+        assert!((found - expected).abs() < 1e-7, "{bound}: {found} {expected}");
+    }
+}
 
 /// A model whose states and inputs are counted in other units: numbers so many times larger.
 #[derive(Clone, Debug)]
