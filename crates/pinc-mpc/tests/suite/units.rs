@@ -7,13 +7,14 @@ use pinc_mpc::{Bounds, Constraints, Nmpc, NmpcProblem, QpMethod, SqpConfig, SqpS
 use pinc_ode::{Dims, Linearization, Model, Rk4, Stages};
 use pinc_plants::{FourTanks, VanDerPol};
 
-/// Bounds so wide that they bound nothing do not tell what an input costs: the controller does not stay
-/// where it starts.
+/// Bounds so wide that they bound nothing do not tell what an input costs, nor how large it is where it
+/// moves by less: the controller does not stay where it starts.
 #[test]
 fn wide_bounds_of_an_input_change_no_plan() {
-    let input = |bound: f64| {
+    let input = |bound: f64, moved: f64| {
         let problem = NmpcProblem {
             input_bounds: Bounds::new(vec![-bound], vec![bound]),
+            increment_bounds: Bounds::new(vec![-moved], vec![moved]),
             ..scalar_problem(5, 5)
         };
         let model = Box::new(Linear::scalar(0.9, 0.5));
@@ -22,11 +23,13 @@ fn wide_bounds_of_an_input_change_no_plan() {
         assert_eq!(step.status, SqpStatus::Converged, "{bound}: {step:?}");
         step.u[0]
     };
-    let expected = input(10.0);
-    assert!(expected > 0.1, "{expected}");
-    for bound in [1e6, 1e8, 1e10, 1e12] {
-        let found = input(bound);
-        assert!((found - expected).abs() < 1e-7, "{bound}: {found} {expected}");
+    for moved in [f64::INFINITY, 0.05] {
+        let expected = input(10.0, moved);
+        assert!(expected > 0.04, "{expected}");
+        for bound in [1e6, 1e8, 1e10, 1e12] {
+            let found = input(bound, moved);
+            assert!((found - expected).abs() < 1e-7, "{bound} {moved}: {found} {expected}");
+        }
     }
 }
 
