@@ -94,9 +94,7 @@ impl NmpcBatch {
             ("cost.increments", dims.nu, given.cost.increments.len()),
             ("cost.violations", dims.nx, given.cost.violations.len()),
         ] {
-            if expected != found {
-                return Err(ArgumentError::Length { field, expected, found }.into());
-            }
+            ArgumentError::check_length(field, found, expected)?;
         }
         if given.references.len() != 1 && given.references.len() != loops {
             let (expected, found) = (loops, given.references.len());

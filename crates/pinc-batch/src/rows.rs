@@ -58,10 +58,6 @@ pub(crate) fn applied_before<'a>(
 /// How many rows of `width` numbers there are.
 pub(crate) fn count(field: &'static str, values: &[f64], width: usize) -> Result<usize, MpcError> {
     let items = values.len() / width.max(1);
-    let (expected, found) = (items * width, values.len());
-    if found == expected {
-        Ok(items)
-    } else {
-        Err(ArgumentError::Length { field, expected, found }.into())
-    }
+    ArgumentError::check_length(field, values.len(), items * width)?;
+    Ok(items)
 }

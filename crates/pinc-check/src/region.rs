@@ -47,7 +47,8 @@ fn ends((from, to): (f64, f64), low: Option<f64>, high: Option<f64>) -> (f64, f6
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{Evidence, Severity, Work, check};
+    use crate::tests::evidence;
+    use crate::{Severity, check};
     use pinc_config::Plants;
 
     /// A tank S with a start at 3, a reference of 2 and these bounds, which are TOML.
@@ -113,13 +114,7 @@ mod tests {
     fn a_start_beyond_a_bound_on_one_side_is_examined() {
         for rate in ["u - 0.5*S", "u - S/(0.5 + S)"] {
             let experiment = tank(rate, "state_high = [1.0]\nstate_softness = \"exact\"");
-            let evidence = Evidence {
-                rehearsal: None,
-                cost: None,
-                read: &|_| Err("no files".to_owned()),
-                work: Work::of_a_check(),
-                progress: &|_, _, _| {},
-            };
+            let evidence = evidence(&|_| Err("no files".to_owned()));
             let found = check(&*experiment.plant.dyn_plant(), &experiment, &evidence);
             let grave: Vec<_> = found.iter().filter(|of| of.severity != Severity::Fact).collect();
             // The start is outside its bounds, and the reference is, where it cannot be held.

@@ -22,7 +22,8 @@ fn findings_beside(
     check(&*experiment.plant.dyn_plant(), &experiment, &evidence(read))
 }
 
-fn evidence<'a>(read: &'a ReadMeasurements<'a>) -> Evidence<'a> {
+/// What a check is given where nothing was run.
+pub(crate) fn evidence<'a>(read: &'a ReadMeasurements<'a>) -> Evidence<'a> {
     let work = Work::of_a_check();
     Evidence { rehearsal: None, cost: None, read, work, progress: &|_, _, _| {} }
 }

@@ -136,9 +136,7 @@ impl<'a> ClosedLoop<'a> {
             ("the plant's outputs", dims.ny, measured),
             ("the reference's outputs", outputs, reference.outputs()),
         ] {
-            if found != expected {
-                return Err(ArgumentError::Length { field, expected, found }.into());
-            }
+            ArgumentError::check_length(field, found, expected)?;
         }
         check_finite("the initial state", x, dims.nx)?;
         nmpc.reset();

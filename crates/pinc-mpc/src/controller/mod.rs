@@ -159,9 +159,7 @@ impl Nmpc {
                 ("the substitute's horizon", self.dims.horizon, other.dims.horizon),
                 ("the substitute's delay", self.problem.delay, other.problem.delay),
             ] {
-                if found != expected {
-                    return Err(ArgumentError::Length { field, expected, found }.into());
-                }
+                ArgumentError::check_length(field, found, expected)?;
             }
         }
         self.guard = guard;
@@ -406,7 +404,7 @@ impl Nmpc {
             self.roll_out_given();
         }
         self.shift_warm_start();
-        self.set_time();
+        self.begin_step();
         let at = [&self.start[..], &self.plan.z];
         let is_known = self.phase == Phase::Linearized;
         if self.sqp.transcription.tighten(&mut self.horizon, at, is_known) {
@@ -445,10 +443,10 @@ impl Nmpc {
         Planned { start, ..planned }
     }
 
-    /// Says the time at which the plan begins, and counts the step.
-    fn set_time(&mut self) {
+    /// Begins the step at the time at which its plan does, and counts it.
+    fn begin_step(&mut self) {
         let delay = self.problem.delay as f64;
-        self.sqp.set_time((f64::from(self.steps) + delay) * self.horizon.times()[1]);
+        self.sqp.begin_step((f64::from(self.steps) + delay) * self.horizon.times()[1]);
         self.steps = self.steps.saturating_add(1);
     }
 

@@ -39,7 +39,7 @@ impl Sqp {
         self.keeps_weight = true;
     }
 
-    /// Makes them as they were.
+    /// Makes hard constraints as they were.
     pub(super) fn leave_elastic(&mut self) {
         if self.elastic {
             self.elastic = false;

@@ -204,7 +204,7 @@ impl Sqp {
     }
 
     /// Begins a control step with the time of its first stage in s.
-    pub(crate) fn set_time(&mut self, now_s: f64) {
+    pub(crate) fn begin_step(&mut self, now_s: f64) {
         (self.weight, self.keeps_weight) = (None, false);
         self.transcription.set_time(now_s);
     }

@@ -17,12 +17,12 @@ const ORDINARY: [f64; 2] = [0.0625, 1024.0];
 /// The cost keeps its unit if the geometric mean of its largest and least weight is between these.
 const ORDINARY_WEIGHT: [f64; 2] = [1e-3, 1e6];
 
-/// No weight is larger in the unit of the cost: what rounding makes of its gradient would be above the
-/// tolerance.
+/// The largest weight in the unit of the cost: rounding errors in the gradient by a larger one would be
+/// above the tolerance.
 const LARGEST_WEIGHT: f64 = 1e7;
 
-/// The unit of the cost is at most so many times the least weight: in a larger one, what that weights
-/// would be within the tolerance, wherever it is. Wide bounds make a weight of an input look large.
+/// The unit of the cost is at most so many times the least weight: in a larger one, the gradient by that
+/// weight would always be within the tolerance. Wide bounds make the weight of an input look large.
 const MOST_COST: f64 = 1e5;
 
 /// Bounds of an input that are wider than so many of its moves do not tell its size.
@@ -358,8 +358,8 @@ impl Units {
     }
 }
 
-/// The sizes of inputs by their bounds, 0 where these are infinite. Bounds may be so wide that they bound
-/// nothing, and all that an input can move in a step is within the tolerance.
+/// The sizes of inputs by their bounds, 0 where these are infinite. In the unit of bounds that are far
+/// wider than its moves, all that an input can move in a step would be within the tolerance.
 fn input_sizes(problem: &NmpcProblem, inputs: usize) -> Vec<f64> {
     let moves = problem.increment_bounds.sizes(inputs);
     let sizes = problem.input_bounds.sizes(inputs).into_iter().zip(moves);

@@ -221,9 +221,7 @@ impl Weight {
 }
 
 fn check_full(field: &'static str, rows: &[Vec<f64>], expected: usize) -> Result<(), MpcError> {
-    if rows.len() != expected {
-        return Err(ArgumentError::Length { field, expected, found: rows.len() }.into());
-    }
+    ArgumentError::check_length(field, rows.len(), expected)?;
     for row in rows {
         check_length(field, row, expected)?;
         check_numbers(field, row, "finite", f64::is_finite)?;
