@@ -89,6 +89,9 @@ impl Augmented {
     fn linearize_block(&mut self, at: Stages<'_>, out: Linearization<'_>) {
         let Dims { nx, nu, .. } = self.inner.dims();
         let (nz, nw, known) = (nx + self.inner.unknowns(), self.inner.width(), self.inner.known());
+        if nw == 0 {
+            return self.inner.linearize(at, out);
+        }
         let count = at.x.len() / nz;
         for (k, z) in at.x.chunks_exact(nz).enumerate() {
             self.x[k * nx..(k + 1) * nx].copy_from_slice(&z[..nx]);
@@ -192,6 +195,11 @@ impl Model for Augmented {
         for k in 0..count {
             let point = at.point(k, dims);
             let OutputLinearization { y, c: by_z, d, e: by_known } = out.point(k, dims);
+            if nw == 0 {
+                let out = OutputLinearization { y, c: by_z, d, e: by_known };
+                self.inner.linearize_measurement(point, out);
+                continue;
+            }
             let (x, unknowns) = point.x.split_at(nx);
             let w = with_known(&mut self.w, unknowns, point.p);
             self.inner.linearize_measurement(

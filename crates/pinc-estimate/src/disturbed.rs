@@ -431,9 +431,9 @@ impl Disturbed {
     pub(crate) fn linearize_measurement(&mut self, at: Stages<'_>, out: OutputLinearization<'_>) {
         let Dims { nx, nu, np, .. } = self.dims;
         let nw = self.width();
-        self.arrange(at);
         let is_output = |measured: &Measured| matches!(measured, Measured::Output(_));
         if self.augmentation.measured.iter().any(is_output) {
+            self.arrange(at);
             self.model.linearize_output(
                 Stages { x: at.x, u: &self.u[..nu], p: &self.p[..np] },
                 self.outputs.as_mut(),

@@ -442,7 +442,7 @@ pub trait Model: Debug + Send {
         vec![true; self.dims().ny]
     }
 
-    /// Linearizes h at some points; by default y = x, dh/dx = I.
+    /// Linearizes h at any number of points; by default y = x, dh/dx = I.
     fn linearize_output(&mut self, at: Stages<'_>, out: OutputLinearization<'_>) {
         out.check(at.count(self.dims()), self.dims());
         out.set_states(at.x, self.dims().nx);

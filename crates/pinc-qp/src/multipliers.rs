@@ -70,11 +70,24 @@ impl Multipliers {
     }
 }
 
-/// By what residuals that are proportional to the cost are divided, from the sum of the absolute
-/// values of `count` multipliers: max(1, mean / 100), as in IPOPT (Waechter and Biegler, Math.
-/// Program. 106 (2006), Eq. 6).
+/// By what residuals that are proportional to the cost are divided: max(1, mean / 100) of the absolute
+/// values of all multipliers, as in IPOPT (Waechter and Biegler, Math. Program. 106 (2006), Eq. 6).
 #[must_use]
-pub fn residual_scale(sum: f64, count: usize) -> f64 {
+#[inline]
+pub fn residual_scale<'m>(multipliers: impl IntoIterator<Item = &'m [f64]>) -> f64 {
+    // Sums side by side, which need not wait for each other.
+    let (mut sums, mut count) = ([0.0; 8], 0);
+    for part in multipliers {
+        for chunk in part.chunks(sums.len()) {
+            sums.iter_mut().zip(chunk).for_each(|(sum, multiplier)| *sum += multiplier.abs());
+        }
+        count += part.len();
+    }
+    scale_of_sum(sums.iter().sum(), count)
+}
+
+/// The same, from the sum of `count` absolute values.
+pub(crate) fn scale_of_sum(sum: f64, count: usize) -> f64 {
     const LARGE: f64 = 100.0;
     (sum / count.max(1) as f64 / LARGE).max(1.0)
 }

@@ -184,8 +184,8 @@ impl Mhe {
     }
 
     fn linearize(&mut self) -> Point {
-        let Self { filter: Extended { model, u, .. }, window, programs, constants, .. } = self;
-        programs[window.steps].linearize(model.as_mut(), window, u, constants)
+        let Self { filter, window, programs, constants, .. } = self;
+        programs[window.steps].linearize(filter.model.as_mut(), window, constants)
     }
 
     /// Solves the problem of the window. Gives the status, the number of programs solved, and the
@@ -262,6 +262,7 @@ impl Mhe {
     fn roll_out(&mut self, i: usize, offset: f64) {
         let Dims { nx: n, nu, np, .. } = self.dims();
         let Window { x, v, u, p, steps, .. } = &mut self.window;
+        let u = &u[nu..];
         v.fill(0.0);
         x[..n].copy_from_slice(&self.tuning.initial_estimate);
         x[i] += offset;
@@ -335,12 +336,15 @@ fn constants(tuning: &Tuning) -> Constants {
     let or = |bounds: &[f64], none: f64| {
         if bounds.is_empty() { vec![none; n] } else { bounds.to_vec() }
     };
+    let unit = Mhe::units(tuning);
     Constants {
         process_sd: tuning.process_sd.clone(),
         measurement_variance: variances(&tuning.measurement_sd),
         low: or(&tuning.low, f64::NEG_INFINITY),
         high: or(&tuning.high, f64::INFINITY),
-        unit: Mhe::units(tuning),
+        per_unit: unit.iter().map(|unit| 1.0 / unit).collect(),
+        ratios: unit.iter().flat_map(|i| unit.iter().map(move |j| j / i)).collect(),
+        unit,
     }
 }
 
@@ -360,6 +364,7 @@ impl Estimator for Mhe {
     fn reset_input(&mut self, u: &[f64]) {
         self.reset();
         self.filter.u.copy_from_slice(u);
+        self.window.begin_under(u);
     }
 
     fn set_parameters(&mut self, p: &[f64]) {
@@ -391,9 +396,6 @@ impl Estimator for Mhe {
     }
 
     fn predict(&mut self, u: &[f64]) -> EstimatorStatus {
-        if self.window.steps == 0 {
-            self.window.before.copy_from_slice(&self.filter.u);
-        }
         let Some(status) = self.filter.predict(self.window.last(), u) else {
             return EstimatorStatus::NotFinite;
         };

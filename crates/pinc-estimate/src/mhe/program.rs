@@ -4,13 +4,11 @@ use super::smoother::{Linear, Smoother};
 use super::window::Window;
 use crate::EstimateError;
 use crate::matrix::{add_scaled, dot, factor};
-use pinc_ode::{Dims, LinearizationBuffer, Model, OutputLinearizationBuffer, Stages};
+use pinc_ode::{Dims, LinearizationBuffer, Model, OutputLinearizationBuffer};
 use pinc_qp::{
     ChosenQp, Limits, Multipliers, OcpDims, Qp, QpMethod, QpSolver, QpStatus, QpStep, all_finite,
+    largest, residual_scale,
 };
-
-/// Above this mean multiplier the residuals are scaled down, as a controller's.
-const LARGE_MULTIPLIER: f64 = 100.0;
 
 /// The numbers that do not change: standard deviations, bounds and units, per state and
 /// measurement.
@@ -20,8 +18,11 @@ pub(super) struct Constants {
     pub(super) measurement_variance: Vec<f64>,
     pub(super) low: Vec<f64>,
     pub(super) high: Vec<f64>,
-    /// The size in which a state is counted.
+    /// The size in which a state is counted, and its reciprocal.
     pub(super) unit: Vec<f64>,
+    pub(super) per_unit: Vec<f64>,
+    /// The unit of each state divided by that of each other, `[n, n]`.
+    pub(super) ratios: Vec<f64>,
 }
 
 /// The estimation problem over a window of some length,
@@ -130,37 +131,31 @@ impl Program {
         &mut self,
         model: &mut dyn Model,
         window: &Window,
-        last_u: &[f64],
         constants: &Constants,
     ) -> Point {
-        let Dims { nx: n, nu, np, .. } = self.dims;
-        let steps = self.qp.dims.horizon - 1;
-        let at = Stages {
-            x: &window.x[..steps * n],
-            u: &window.u[..steps * nu],
-            p: &window.p[..steps * np],
-        };
-        model.linearize(at, self.model.as_mut());
-        for j in 0..=steps {
-            // Measured before the input changes: with the one that led there.
-            let u = match j {
-                last if last == steps => last_u,
-                0 => &window.before[..],
-                j => &window.u[(j - 1) * nu..j * nu],
-            };
-            let p = &window.p[j * np..(j + 1) * np];
-            let at = Stages { x: &window.x[j * n..(j + 1) * n], u, p };
-            model.linearize_output(at, self.outputs.as_mut().point(j, self.dims));
+        model.linearize(window.at_steps(), self.model.as_mut());
+        model.linearize_output(window.at_measurements(), self.outputs.as_mut());
+        // With constants the loops are unrolled.
+        match self.dims.nx {
+            2 => self.write(window, constants, 2),
+            4 => self.write(window, constants, 4),
+            6 => self.write(window, constants, 6),
+            n => self.write(window, constants, n),
         }
-        self.write_dynamics(window, constants);
-        self.cost = self.write_cost(window, constants);
-        self.write_bounds(window, constants);
-        self.judge()
     }
 
-    fn write_dynamics(&mut self, window: &Window, constants: &Constants) {
-        let n = self.dims.nx;
-        let unit = &constants.unit;
+    /// Writes the program; gives what can be said of the window's states and noises.
+    #[inline(always)]
+    fn write(&mut self, window: &Window, constants: &Constants, n: usize) -> Point {
+        self.write_dynamics(window, constants, n);
+        self.cost = self.write_cost(window, constants, n);
+        self.write_bounds(window, constants, n);
+        self.judge(n)
+    }
+
+    #[inline(always)]
+    fn write_dynamics(&mut self, window: &Window, constants: &Constants, n: usize) {
+        let unit = &constants.per_unit;
         let (prior, _) = window.arrival();
         for j in 0..self.qp.dims.horizon {
             let (x, v) = (&window.x[j * n..(j + 1) * n], &window.v[j * n..(j + 1) * n]);
@@ -174,24 +169,23 @@ impl Program {
                 } else {
                     constants.process_sd[i] * v[i]
                 };
-                self.defects[j * n + i] = (expected[i] - x[i]) / unit[i];
-                self.qp.c[j * n + i] = self.defects[j * n + i] + noise / unit[i];
+                self.defects[j * n + i] = (expected[i] - x[i]) * unit[i];
+                self.qp.c[j * n + i] = self.defects[j * n + i] + noise * unit[i];
             }
         }
         let scaled = self.qp.a[n * n..].chunks_exact_mut(n * n);
         for (to, from) in scaled.zip(self.model.a.chunks_exact(n * n)) {
-            for (i, (to, from)) in to.chunks_exact_mut(n).zip(from.chunks_exact(n)).enumerate() {
-                for (j, (to, from)) in to.iter_mut().zip(from).enumerate() {
-                    *to = from * (unit[j] / unit[i]);
-                }
+            for ((to, from), ratio) in to.iter_mut().zip(from).zip(&constants.ratios[..n * n]) {
+                *to = from * ratio;
             }
         }
     }
 
     /// Writes the cost's gradient, and the Jacobian of what is measured in units of the states;
     /// gives the cost.
-    fn write_cost(&mut self, window: &Window, constants: &Constants) -> f64 {
-        let Dims { nx: n, ny, .. } = self.dims;
+    #[inline(always)]
+    fn write_cost(&mut self, window: &Window, constants: &Constants, n: usize) -> f64 {
+        let ny = self.dims.ny;
         let stages = self.qp.dims.horizon;
         let (by_x, by_v) = self.qp.gradient.split_at_mut(stages * n);
         by_x.fill(0.0);
@@ -230,42 +224,64 @@ impl Program {
         }
     }
 
-    fn write_bounds(&mut self, window: &Window, constants: &Constants) {
-        let n = self.dims.nx;
+    #[inline(always)]
+    fn write_bounds(&mut self, window: &Window, constants: &Constants, n: usize) {
         let Limits { low, high, .. } = &mut self.qp.bounds;
-        let count = self.qp.dims.horizon * n;
-        let limits = low.iter_mut().zip(high).take(count).zip(&window.x);
-        for (i, ((low, high), x)) in limits.enumerate() {
-            *low = (constants.low[i % n] - x) / constants.unit[i % n];
-            *high = (constants.high[i % n] - x) / constants.unit[i % n];
+        let stages = low.chunks_exact_mut(n).zip(high.chunks_exact_mut(n));
+        for ((low, high), x) in stages.take(self.qp.dims.horizon).zip(window.x.chunks_exact(n)) {
+            for i in 0..n {
+                low[i] = (constants.low[i] - x[i]) * constants.per_unit[i];
+                high[i] = (constants.high[i] - x[i]) * constants.per_unit[i];
+            }
         }
     }
 
-    /// The residuals of the optimality conditions where the program is linearized. As in a
-    /// controller, those that grow with the multipliers are counted by the size of these.
-    fn judge(&mut self) -> Point {
+    /// Writes the gradient of the Lagrangian into `work`. B has but a diagonal after the first
+    /// stage.
+    #[inline(always)]
+    fn lagrangian_gradient(&mut self, n: usize) {
+        let Self { qp, multipliers: Multipliers { dynamics, bounds, .. }, work, .. } = self;
+        for ((sum, g), mu) in work.iter_mut().zip(&qp.gradient).zip(&*bounds) {
+            *sum = g + mu;
+        }
+        let (by_x, by_v) = work.split_at_mut(qp.dims.all_states());
+        for (j, lambda) in dynamics.chunks_exact(n).enumerate() {
+            let [a, b] = [&qp.a, &qp.b].map(|all| &all[j * n * n..(j + 1) * n * n]);
+            let by_v = &mut by_v[j * n..(j + 1) * n];
+            for (i, lambda) in lambda.iter().enumerate() {
+                by_x[j * n + i] -= lambda;
+                match j.checked_sub(1) {
+                    None => add_scaled(by_v, *lambda, &b[i * n..(i + 1) * n]),
+                    Some(before) => {
+                        by_v[i] += lambda * b[i * n + i];
+                        add_scaled(&mut by_x[before * n..j * n], *lambda, &a[i * n..(i + 1) * n]);
+                    }
+                }
+            }
+        }
+    }
+
+    /// The residuals of the optimality conditions where the program is linearized, scaled as a
+    /// controller's ([`residual_scale`]).
+    #[inline(always)]
+    fn judge(&mut self, n: usize) -> Point {
         let cost = self.cost;
-        let Self { qp, multipliers, work, .. } = self;
-        qp.lagrangian_gradient(multipliers, work);
-        let largest = |values: &[f64]| {
-            values
-                .iter()
-                .fold(0.0, |m: f64, v| if v.is_nan() { f64::INFINITY } else { m.max(v.abs()) })
-        };
+        self.lagrangian_gradient(n);
+        let Self { qp, multipliers: Multipliers { dynamics, bounds, .. }, work, .. } = self;
         let stationarity = largest(work);
         let (mut outside, mut product) = (0.0_f64, 0.0_f64);
         let mut violation: f64 = qp.c.iter().map(|c| c.abs()).sum();
-        for ([low, high, _], &mu) in qp.bounds.iter().zip(&multipliers.bounds) {
+        let counts = |low: f64, high: f64, mu: f64| !((low <= 0.0) & (high >= 0.0) & (mu == 0.0));
+        qp.bounds.find(bounds, counts, |_, [low, high, mu]| {
             let beyond = low.max(-high).max(0.0);
             outside = outside.max(beyond);
             violation += beyond;
+            // No 0 times infinity, where there is no limit.
             if mu.abs() > 0.0 {
                 product = product.max(mu.abs() * if mu > 0.0 { high } else { -low }.max(0.0));
             }
-        }
-        let all = multipliers.dynamics.iter().chain(&multipliers.bounds);
-        let (sum, count) = all.fold((0.0, 0.0), |(sum, count), mu| (sum + mu.abs(), count + 1.0));
-        let scale = (sum / count / LARGE_MULTIPLIER).max(1.0);
+        });
+        let scale = residual_scale([&dynamics[..], bounds]);
         let finite = all_finite(&[cost, violation, stationarity, product]);
         let kkt = (stationarity / scale).max(product / scale).max(largest(&qp.c)).max(outside);
         Point { kkt: if finite { kkt } else { f64::INFINITY }, cost, violation }

@@ -1,6 +1,6 @@
 //! A moving horizon estimator's memory of the last steps.
 
-use pinc_ode::{Dims, Memory};
+use pinc_ode::{Dims, Memory, Stages};
 
 /// The states, inputs and measurements of a window of up to N steps, and what was expected of each
 /// state before it was measured. It grows until it is full, and then moves on.
@@ -15,10 +15,8 @@ pub(crate) struct Window {
     pub(crate) x: Vec<f64>,
     /// The normalized noises, beginning with the first state's, `[N + 1, n]`.
     pub(crate) v: Vec<f64>,
-    /// `[N, m]`, with room for one more.
+    /// The inputs that led to the states, the first one too, `[N + 1, m]`, with room for one more.
     pub(crate) u: Vec<f64>,
-    /// The input that led to the first state, `m`, once there is a step.
-    pub(crate) before: Vec<f64>,
     /// The known parameters from each state on, `[N + 1, np]`.
     pub(crate) p: Vec<f64>,
     /// `[N + 1, ny]`, NaN where nothing was measured.
@@ -37,8 +35,7 @@ impl Window {
             steps: 0,
             x: points(dims.nx),
             v: points(dims.nx),
-            u: points(dims.nu),
-            before: vec![0.0; dims.nu],
+            u: vec![0.0; (most + 2) * dims.nu],
             p: points(dims.np),
             y: points(dims.ny),
             prior: points(dims.nx),
@@ -47,11 +44,33 @@ impl Window {
     }
 
     /// Begins anew with a state that is expected to be `x`, with covariance `covariance`, and the
-    /// known parameters `p`.
+    /// known parameters `p`. No input led there.
     pub(crate) fn reset(&mut self, x: &[f64], covariance: &[f64], p: &[f64]) {
         self.steps = 0;
+        self.u.fill(0.0);
         self.begin_last(x, covariance);
         self.know(p);
+    }
+
+    /// Takes `u` for the input that led to the first state.
+    pub(crate) fn begin_under(&mut self, u: &[f64]) {
+        self.u[..self.dims.nu].copy_from_slice(u);
+    }
+
+    /// The steps' states, inputs and known parameters.
+    pub(crate) fn at_steps(&self) -> Stages<'_> {
+        let Dims { nx, nu, np, .. } = self.dims;
+        let steps = self.steps;
+        let (x, p) = (&self.x[..steps * nx], &self.p[..steps * np]);
+        Stages { x, u: &self.u[nu..(steps + 1) * nu], p }
+    }
+
+    /// All states with the inputs that led there, and with the known parameters: what is measured is
+    /// read before the input changes.
+    pub(crate) fn at_measurements(&self) -> Stages<'_> {
+        let Dims { nx, nu, np, .. } = self.dims;
+        let states = self.steps + 1;
+        Stages { x: &self.x[..states * nx], u: &self.u[..states * nu], p: &self.p[..states * np] }
     }
 
     /// Takes `p` for the known parameters from the last state on.
@@ -64,10 +83,9 @@ impl Window {
     /// covariance `p`. Returns whether the window was shifted, without its oldest state.
     pub(crate) fn push(&mut self, u: &[f64], x: &[f64], p: &[f64]) -> bool {
         let Dims { nx, nu, np, ny, .. } = self.dims;
-        self.u[self.steps * nu..(self.steps + 1) * nu].copy_from_slice(u);
+        self.u[(self.steps + 1) * nu..(self.steps + 2) * nu].copy_from_slice(u);
         let moves = self.steps == self.most;
         if moves {
-            self.before.copy_from_slice(&self.u[..nu]);
             self.x.copy_within(nx.., 0);
             self.v.copy_within(nx.., 0);
             self.u.copy_within(nu.., 0);
@@ -96,8 +114,8 @@ impl Window {
     /// Saves or restores it.
     pub(crate) fn remember(&mut self, memory: &mut Memory<'_>) {
         memory.count(&mut self.steps, self.most);
-        let Self { x, v, u, before, p, y, prior, prior_covariance, .. } = self;
-        let parts = [x, v, u, before, p, y, prior, prior_covariance];
+        let Self { x, v, u, p, y, prior, prior_covariance, .. } = self;
+        let parts = [x, v, u, p, y, prior, prior_covariance];
         parts.into_iter().for_each(|part| memory.numbers(part));
     }
 
@@ -130,8 +148,9 @@ impl Window {
     /// Drops all but the last state and what is measured there, and takes `p` for the covariance of
     /// what was expected of it.
     pub(crate) fn restart(&mut self, p: &[f64]) {
-        let Dims { nx, np, ny, .. } = self.dims;
+        let Dims { nx, nu, np, ny, .. } = self.dims;
         let last = self.steps;
+        self.u.copy_within(last * nu..(last + 1) * nu, 0);
         self.p.copy_within(last * np..(last + 1) * np, 0);
         self.x.copy_within(last * nx..(last + 1) * nx, 0);
         self.y.copy_within(last * ny..(last + 1) * ny, 0);

@@ -39,10 +39,13 @@ impl Model for Linear {
             *y = c[0] * x[0] + c[1] * x[1] + d * u[0];
         }
     }
-    fn linearize_output(&mut self, at: Stages<'_>, out: OutputLinearization<'_>) {
-        self.output(at.x, at.u, &[], out.y);
-        out.c.copy_from_slice(self.c.as_flattened());
-        out.d.copy_from_slice(&self.d);
+    fn linearize_output(&mut self, at: Stages<'_>, mut out: OutputLinearization<'_>) {
+        for k in 0..at.count(self.dims()) {
+            let (point, out) = (at.point(k, self.dims()), out.point(k, self.dims()));
+            self.output(point.x, point.u, &[], out.y);
+            out.c.copy_from_slice(self.c.as_flattened());
+            out.d.copy_from_slice(&self.d);
+        }
     }
 }
 
@@ -84,10 +87,13 @@ impl Model for Told {
         self.linear.output(x, u, p, y);
         Self::add(self.f, p, y);
     }
-    fn linearize_output(&mut self, at: Stages<'_>, out: OutputLinearization<'_>) {
-        self.output(at.x, at.u, at.p, out.y);
-        out.c.copy_from_slice(self.linear.c.as_flattened());
-        out.d.copy_from_slice(&self.linear.d);
+    fn linearize_output(&mut self, at: Stages<'_>, mut out: OutputLinearization<'_>) {
+        for k in 0..at.count(self.dims()) {
+            let (point, out) = (at.point(k, self.dims()), out.point(k, self.dims()));
+            self.output(point.x, point.u, point.p, out.y);
+            out.c.copy_from_slice(self.linear.c.as_flattened());
+            out.d.copy_from_slice(&self.linear.d);
+        }
     }
 }
 

@@ -4,7 +4,7 @@
 mod tests;
 
 use crate::solution::Solution;
-use pinc_qp::{Limits, Multipliers, Qp, largest, residual_scale};
+use pinc_qp::{Limits, Qp, largest, residual_scale};
 
 /// The residuals of the conditions of Karush, Kuhn and Tucker, of the nonlinear problem itself (see
 /// [`Solution`] for its Lagrangian L): largest absolute values, in the problem's units where its
@@ -40,7 +40,7 @@ impl KktResidual {
         worst.see(&qp.bounds, &multipliers.bounds);
         worst.see(&qp.increments, &multipliers.increments);
         worst.see(&qp.rows, &multipliers.rows);
-        let scale = scale(multipliers);
+        let scale = residual_scale(multipliers.parts());
         Self {
             stationarity: worst.stationarity / scale,
             dynamics: largest(&qp.c),
@@ -103,18 +103,6 @@ impl Worst {
             self.violation = worse(self.violation, outside);
         }
     }
-}
-
-fn scale(multipliers: &Multipliers) -> f64 {
-    // Sums side by side, which need not wait for each other.
-    let (mut sums, mut count) = ([0.0; 8], 0);
-    for part in multipliers.parts() {
-        for chunk in part.chunks(sums.len()) {
-            sums.iter_mut().zip(chunk).for_each(|(sum, multiplier)| *sum += multiplier.abs());
-        }
-        count += part.len();
-    }
-    residual_scale(sums.iter().sum(), count)
 }
 
 /// A distance to a limit, 0 if rounding may have left it.

@@ -8,7 +8,7 @@ use super::rows::Rows;
 use super::side::{Side, add_up, gather};
 use crate::algebra::largest;
 use crate::convexify::{add_to_diagonals, largest_entry};
-use crate::multipliers::residual_scale;
+use crate::multipliers::scale_of_sum;
 use crate::{Multipliers, Qp, QpWork};
 use std::mem::take;
 
@@ -133,7 +133,7 @@ impl Barrier {
         let Newton { lambda, slope, defect, .. } = &self.newton;
         let sum = self.sides.iter().map(|side| side.mu).sum::<f64>()
             + lambda.iter().map(|lambda| lambda.abs()).sum::<f64>();
-        let scale = residual_scale(sum, self.sides.len() + lambda.len());
+        let scale = scale_of_sum(sum, self.sides.len() + lambda.len());
         let unmet = self.equalities.iter().map(|(_, bound)| bound.abs());
         let off = self.sides.iter().map(|side| side.off.abs()).chain(unmet);
         let products = self.sides.iter().map(|side| {
