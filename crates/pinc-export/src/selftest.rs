@@ -5,7 +5,7 @@ use crate::controller::Controller;
 use crate::feedback_c::Filter;
 use crate::template::{Template, constant};
 use pinc_estimate::Compensated;
-use pinc_mpc::{Nmpc, SqpConfig};
+use pinc_mpc::{Nmpc, SqpConfig, SqpHessian};
 use std::fmt::Write as _;
 
 /// The smallest residual that single precision can be asked for.
@@ -98,7 +98,8 @@ pub(crate) fn in_float(controller: &Controller<'_>) -> Result<Option<Nmpc>, Expo
         model = Box::new(Compensated::new(model, of.augmentation.clone())?);
     }
     let tolerance = controller.config.tolerance.max(FLOAT_TOLERANCE);
-    let config = SqpConfig { tolerance, ..*controller.config };
+    let hessian = SqpHessian::GaussNewton;
+    let config = SqpConfig { tolerance, hessian, ..*controller.config };
     let mut nmpc = Nmpc::new(controller.problem.clone(), model, config)?;
     nmpc.reset_input(&first)?;
     Ok(Some(nmpc))

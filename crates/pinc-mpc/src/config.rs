@@ -51,7 +51,8 @@ impl fmt::Display for SqpStatus {
 #[non_exhaustive]
 pub enum SqpHessian {
     /// `Adaptive` on a scenario tree, where the cost leaves inputs free
-    /// ([`NmpcProblem::leaves_inputs_free`]), and with constraints h and g; otherwise `GaussNewton`.
+    /// ([`NmpcProblem::leaves_inputs_free`]), and with constraints h and g; otherwise `GaussNewton`, until
+    /// so many QPs were slow that the step might end at its limit.
     #[default]
     Auto,
     /// Without the curvature of model, outputs, h and g.
@@ -62,7 +63,7 @@ pub enum SqpHessian {
 }
 
 impl SqpHessian {
-    /// Resolves `Auto` for a problem.
+    /// `Adaptive` in place of `Auto` for a problem that needs it.
     #[must_use]
     pub fn resolve(self, problem: &NmpcProblem) -> Self {
         match self {
@@ -73,8 +74,7 @@ impl SqpHessian {
             {
                 Self::Adaptive
             }
-            Self::Auto => Self::GaussNewton,
-            Self::GaussNewton | Self::Adaptive => self,
+            Self::Auto | Self::GaussNewton | Self::Adaptive => self,
         }
     }
 }

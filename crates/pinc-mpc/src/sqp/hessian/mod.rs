@@ -17,6 +17,9 @@ pub(super) enum Hessian {
 
 /// So many programs have one Hessian before it is judged.
 const PATIENCE: usize = 8;
+/// So many have Gauss-Newton's where the exact one is the last resort: it is used to converge, and is
+/// what exported C has.
+const LONG_PATIENCE: usize = 24;
 /// Over so many programs the least residual must come down to a part of what it was.
 const WINDOW: usize = 4;
 const FAST_ENOUGH: f64 = 0.1;
@@ -42,8 +45,9 @@ pub(super) struct HessianChoice {
     current: Hessian,
     /// The least residual of the last programs.
     least: [f64; WINDOW],
-    /// From which program on it is judged.
+    /// From which program on it is judged, and how many that is from the start on.
     judged_from: usize,
+    patience: usize,
     has_been_slow: bool,
     is_slow: bool,
     convexity: Convexity,
@@ -52,11 +56,13 @@ pub(super) struct HessianChoice {
 impl HessianChoice {
     /// Begins an iteration by a choice that is made, with a cost that may leave out its Hessian.
     pub(super) fn of(hessian: SqpHessian, leaves_out: bool) -> Self {
-        Self::new(match hessian {
-            _ if leaves_out => Some(Hessian::Exact),
-            SqpHessian::Auto | SqpHessian::GaussNewton => Some(Hessian::GaussNewton),
-            SqpHessian::Adaptive => None,
-        })
+        let (only, patience) = match hessian {
+            _ if leaves_out => (Some(Hessian::Exact), PATIENCE),
+            SqpHessian::GaussNewton => (Some(Hessian::GaussNewton), PATIENCE),
+            SqpHessian::Adaptive => (None, PATIENCE),
+            SqpHessian::Auto => (None, LONG_PATIENCE),
+        };
+        Self { patience, judged_from: patience, ..Self::new(only) }
     }
 
     /// Begins an iteration; `only` one Hessian may be possible.
@@ -67,6 +73,7 @@ impl HessianChoice {
             current,
             least: [f64::INFINITY; WINDOW],
             judged_from: PATIENCE,
+            patience: PATIENCE,
             has_been_slow: false,
             is_slow: false,
             convexity: Convexity::default(),
@@ -106,7 +113,7 @@ impl HessianChoice {
     /// Judges anew: the problem is another one after so many programs.
     pub(super) fn restart(&mut self, programs: usize) {
         self.least = [f64::INFINITY; WINDOW];
-        self.judged_from = programs + PATIENCE;
+        self.judged_from = programs + self.patience;
     }
 
     /// How the exact Hessian is made convex.
@@ -148,7 +155,8 @@ impl HessianChoice {
         if self.only == Some(Hessian::GaussNewton) {
             return false;
         }
-        (self.judged_from, self.has_been_slow) = (programs + PATIENCE, true);
+        (self.judged_from, self.patience, self.has_been_slow) =
+            (programs + PATIENCE, PATIENCE, true);
         if self.only.is_some() {
             self.convexity.shifts ^= true;
             return false;
