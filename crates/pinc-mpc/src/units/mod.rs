@@ -47,6 +47,8 @@ pub(crate) struct Units {
     /// The units of the rows of a stage.
     rows: Vec<f64>,
     cost: f64,
+    /// The largest weight of what is tracked, where that is not states alone.
+    of_outputs: f64,
     /// The largest slope of a cost without weights, by states and inputs in their units, once known.
     slope: Option<f64>,
     /// Whether those of states, inputs and rows are 1, and whether that of the cost is 1 too.
@@ -94,6 +96,7 @@ impl Units {
             dims,
             rows,
             cost: 1.0,
+            of_outputs: largest_output_weight(problem),
             slope: None,
             plain: false,
             identity: false,
@@ -149,7 +152,7 @@ impl Units {
             }
         }
         let size = if most > 0.0 { (least * most).sqrt() } else { self.slope.unwrap_or(1.0) };
-        let by_largest = (most / LARGEST_WEIGHT).log2().ceil().exp2();
+        let by_largest = (most.max(self.of_outputs) / LARGEST_WEIGHT).log2().ceil().exp2();
         let by_least = (MOST_COST * least).log2().floor().exp2().max(1.0);
         self.cost = unit(size, ORDINARY_WEIGHT).max(by_largest).min(by_least);
         let is_one = |unit: &f64| unit.to_bits() == 1.0_f64.to_bits();
@@ -356,6 +359,16 @@ impl Units {
         increments.iter_mut().enumerate().for_each(|(i, v)| scale(v, self.u[i % m]));
         rows.iter_mut().enumerate().for_each(|(i, v)| scale(v, self.rows[i % self.rows.len()]));
     }
+}
+
+/// The largest weight of 2 Q, where not only states are tracked; otherwise 0.
+fn largest_output_weight(problem: &NmpcProblem) -> f64 {
+    if problem.tracks_states_only() {
+        return 0.0;
+    }
+    let weights = problem.weights.q.all().iter().chain(&problem.weights.terminal);
+    let entries = weights.flat_map(|q| (0..q.size()).map(|i| 2.0 * q.entry(i, i)));
+    entries.fold(0.0, f64::max)
 }
 
 /// The sizes of inputs by their bounds, 0 where these are infinite. In the unit of bounds that are far

@@ -95,6 +95,27 @@ pub(crate) fn linear() -> Linear {
     Linear { dims: Dims::new(2, 1), a: vec![0.9, 0.3, -0.2, 0.8], b: vec![0.1, 0.6] }
 }
 
+/// Rounding of an output whose weight is 1e7 to 1e9 times that of the input stays within the tolerance.
+#[test]
+fn outputs_converge_with_nearly_free_inputs() {
+    for r in [1e-7, 1e-8, 1e-9] {
+        let problem = NmpcProblem {
+            tracked: Tracked::outputs([0]),
+            input_bounds: Bounds::new(vec![-3.0], vec![3.0]),
+            ..NmpcProblem::new(Dims::new(2, 1), 6, Weights::uniform(vec![1.0], vec![r]))
+        };
+        let model = Box::new(Observed { model: linear(), feed: 0.0 });
+        let mut nmpc = Nmpc::new(problem, model, SqpConfig::default()).unwrap();
+        let mut x = [0.3, -0.2];
+        for k in 0..8 {
+            let step = nmpc.step(&x, &[if k < 3 { 1.0 } else { 2.0 }; 6]).unwrap();
+            assert_eq!(step.status, SqpStatus::Converged, "{r} {k}");
+            let u = step.u[0];
+            x = [0.9 * x[0] + 0.3 * x[1] + 0.1 * u, -0.2 * x[0] + 0.8 * x[1] + 0.6 * u];
+        }
+    }
+}
+
 /// (x1 + x2 - r)^2 is e'Q e with the full Q of ones and e = (x1 - r, x2).
 #[test]
 fn a_tracked_sum_is_a_full_weight_of_states() {
