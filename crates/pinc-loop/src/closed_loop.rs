@@ -468,16 +468,17 @@ impl<'a> ClosedLoop<'a> {
         self.violations.broken()
     }
 
-    /// Looks at the outputs that the input `u` has changed at once.
+    /// Looks whether the point of the trace where the input `u` begins is within the bounds from then
+    /// on, unless it is given: what the input changes at once always is not.
     fn watch_start(&mut self, u: &[f64]) {
-        if self.nmpc.problem().output_bounds.is_some() {
-            let y = self.outputs_with(0, u);
-            let Self { violations, feedthrough, last_step, .. } = self;
-            violations.look(last_step.times()[0], true, |of| match of {
-                Bounded::Output(i) if feedthrough[i] => Some(y[i]),
-                Bounded::State(_) | Bounded::Input(_) | Bounded::Output(_) => None,
-            });
-        }
+        let bounded = self.nmpc.problem().output_bounds.is_some();
+        let y = if bounded { self.outputs_with(0, u) } else { Vec::new() };
+        let Self { violations, feedthrough, last_step, done, .. } = self;
+        violations.look(last_step.times()[0], true, |of| match of {
+            Bounded::Output(i) => (feedthrough[i] || *done > 0).then(|| y[i]),
+            Bounded::State(i) => (*done > 0).then(|| last_step.state(0)[i]),
+            Bounded::Input(_) => None,
+        });
     }
 
     /// Looks whether the last point of the trace, the end of the step or not, is within all bounds.

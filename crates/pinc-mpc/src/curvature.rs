@@ -224,7 +224,7 @@ impl Curvature {
         let (n, m) = (dims.nx, dims.nu);
         let x = dims.state(place.node).map_or(at.x0, |state| &at.plan.z[state]);
         let u = &at.plan.z[dims.input(place.input)];
-        let p = of.parameters(place.stage);
+        let p = of.parameters(place.stage, place.before);
         self.p.chunks_exact_mut(p.len().max(1)).for_each(|point| point.copy_from_slice(p));
         self.x.chunks_exact_mut(n).for_each(|point| point.copy_from_slice(x));
         self.u.chunks_exact_mut(m).for_each(|point| point.copy_from_slice(u));

@@ -51,6 +51,11 @@ impl OutputRows {
         self.through.len()
     }
 
+    /// Whether an output has rows at both ends of intervals.
+    pub(crate) fn has_both_ends(&self, output: usize) -> bool {
+        self.through.contains(&output)
+    }
+
     /// Copies the bounds that have rows at the starts of intervals, `[.., ny]`.
     pub(crate) fn copy_starts(&self, from: &[f64], to: &mut [f64]) {
         let width = (self.here.len() + self.through.len()).max(1);
@@ -94,7 +99,8 @@ impl Outputs {
         Self { ends: points(), starts: (dims.feedthrough > 0).then(points) }
     }
 
-    /// Linearizes along the plan `z` from `x0`, with the parameters `[N, np]`.
+    /// Linearizes along the plan `z` from `x0`. At the end of an interval outputs have the parameters of
+    /// the next one: they are read there.
     #[inline(never)]
     pub(crate) fn follow(
         &mut self,
@@ -107,7 +113,8 @@ impl Outputs {
             let p = cache.parameters(j - 1);
             let u = &z[dims.input(dims.input_of(j - 1))];
             let x = &z[dims.next_state(j - 1)];
-            self.ends.linearize(horizon, j, Stages { x, u, p });
+            let read = cache.parameters_after(j - 1);
+            self.ends.linearize(horizon, j, Stages { x, u, p: read });
             if let Some(starts) = &mut self.starts {
                 let x = dims.state(dims.origin(j - 1)).map_or(x0, |state| &z[state]);
                 starts.linearize(horizon, j, Stages { x, u, p });

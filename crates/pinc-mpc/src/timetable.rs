@@ -198,14 +198,20 @@ impl BoundSchedule {
         [row[place], row[place + self.rows.width / 2]]
     }
 
-    /// Writes the bounds that hold in all of these steps.
-    pub(crate) fn write(&self, steps: Range<usize>, part: Part, low: &mut [f64], high: &mut [f64]) {
+    /// Writes the bounds, of those of a part that are meant, that hold in all of these steps.
+    pub(crate) fn write(
+        &self,
+        steps: Range<usize>,
+        part: Part,
+        is_meant: impl Fn(usize) -> bool,
+        (low, high): (&mut [f64], &mut [f64]),
+    ) {
         let (places, half) = (self.places(part), self.rows.width / 2);
         for (i, row) in self.rows.holding(steps).enumerate() {
             let lows = &row[places.clone()];
             let highs = &row[places.start + half..places.end + half];
-            for ((low, high), (l, h)) in low.iter_mut().zip(&mut *high).zip(lows.iter().zip(highs))
-            {
+            let sides = low.iter_mut().zip(&mut *high).zip(lows.iter().zip(highs));
+            for (_, ((low, high), (l, h))) in sides.enumerate().filter(|(i, _)| is_meant(*i)) {
                 match i {
                     0 => (*low, *high) = (*l, *h),
                     // What excludes the earlier ones is left out.
@@ -241,7 +247,8 @@ impl Nmpc {
         self.sqp.set_bounds(schedule, covered, preview);
         let m = self.problem.input_bounds.low.len().min(schedule.sizes[1]);
         let Bounds { low, high } = &mut self.problem.input_bounds;
-        schedule.write(covered(0), Part::Input, &mut low[..m], &mut high[..m]);
+        let sides = (&mut low[..m], &mut high[..m]);
+        schedule.write(covered(0), Part::Input, |_| true, sides);
         self.begin_anew();
         if let Some(other) = self.guard.as_mut().and_then(|guard| guard.substitute.as_mut()) {
             other.set_bounds_at(schedule, step, preview);

@@ -87,7 +87,7 @@ fn softness_belongs_to_the_quantity() {
     }
 }
 
-/// From a step on the upper bound is another one, and the lower one stays.
+/// From a step on, its mark included, the upper bound is another one, and the lower one stays.
 #[test]
 fn a_bound_is_the_one_of_its_step() {
     let problem = NmpcProblem {
@@ -114,10 +114,12 @@ fn a_bound_is_the_one_of_its_step() {
     let broken: Vec<_> = run.violations().collect();
     assert_eq!(broken.len(), 1, "{broken:?}");
     assert_eq!((broken[0].of, broken[0].side), (Bounded::State(0), Side::High));
-    // 1.5 falls to 1.5 exp(-0.1) in the first step, and a ninth of a step further.
-    let x = 1.5 * (-1.0_f64 / 9.0).exp();
+    // 1.5 falls to 1.5 exp(-0.1) in the first step, with little input.
+    let x = 1.5 * (-0.1_f64).exp();
     assert!((broken[0].bound - 1.0).abs() < 1e-12, "{broken:?}");
-    assert!((broken[0].amount - (x - 1.0)).abs() < 2e-3, "{broken:?}");
+    assert!((broken[0].amount - (x - 1.0)).abs() < 1e-3, "{broken:?}");
+    assert!((broken[0].at_steps - broken[0].amount).abs() < 1e-12, "{broken:?}");
+    assert!((broken[0].time_s - 1.0).abs() < 1e-12, "{broken:?}");
 }
 
 /// Each input has its own bounds.

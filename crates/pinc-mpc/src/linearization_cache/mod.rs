@@ -25,6 +25,8 @@ pub(crate) struct LinearizationCache {
     ends: StageBlocks,
     /// p at each stage, `[stages, np]`.
     parameters: Vec<f64>,
+    /// p from the end of the last stage on, `np`.
+    after: Vec<f64>,
     scenarios: Option<Scenarios>,
     /// The numbers of stages and of parameters.
     counts: [usize; 2],
@@ -60,6 +62,7 @@ impl LinearizationCache {
         let mut cache = Self {
             dims,
             parameters: p.repeat(stages),
+            after: p.clone(),
             scenarios: problem.scenarios.clone(),
             counts: [stages, p.len()],
             stages: StageBlocks::new(dims, dims.horizon),
@@ -95,8 +98,12 @@ impl LinearizationCache {
             changed |= row.iter().zip(p).any(|(old, new)| old.to_bits() != new.to_bits());
             row.copy_from_slice(p);
         }
-        self.one_p = self.parameters[width..] == self.parameters[..self.parameters.len() - width];
         self.known &= !changed;
+        let p = of(last + 1);
+        let after = &mut self.after[width - p.len()..];
+        changed |= *after != *p;
+        after.copy_from_slice(p);
+        self.one_p = self.parameters[width..] == self.parameters[..self.parameters.len() - width];
         changed
     }
 
@@ -106,8 +113,18 @@ impl LinearizationCache {
         &self.parameters[stage * np..(stage + 1) * np]
     }
 
+    /// p from the end of a stage on: of what is read there. A branch of a tree keeps its own.
+    pub(crate) fn parameters_after(&self, stage: usize) -> &[f64] {
+        match stage + 1 {
+            _ if !self.dims.tree.is_chain() => self.parameters(stage),
+            next if next < self.dims.horizon => self.parameters(next),
+            _ => &self.after,
+        }
+    }
+
     /// Sets p, by which what is known is no longer so.
     pub(crate) fn set_parameters(&mut self, p: &[f64]) {
+        self.after.copy_from_slice(p);
         for parameters in self.parameters.chunks_exact_mut(self.counts[1].max(1)) {
             parameters.copy_from_slice(p);
         }
@@ -127,7 +144,8 @@ impl LinearizationCache {
     pub(crate) fn remember(&mut self, memory: &mut Memory<'_>, horizon: &mut Horizon) {
         memory.flag(&mut self.filled);
         let Points { x, u } = &mut self.stages.points;
-        [x, u, &mut self.parameters].into_iter().for_each(|part| memory.numbers(part));
+        let parts = [x, u, &mut self.parameters, &mut self.after];
+        parts.into_iter().for_each(|part| memory.numbers(part));
         if self.filled && memory.restores() {
             let (all, p) = (0..self.dims.horizon, self.counts[1] * self.dims.horizon);
             self.filled = self.stages.linearize(&self.parameters[..p], |at, out| {

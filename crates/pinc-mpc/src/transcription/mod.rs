@@ -197,16 +197,19 @@ impl Transcription {
             let state = dims.next_state(stage);
             let until = end + usize::from(preview);
             let sides = (&mut low[state.clone()], &mut high[state]);
-            schedule.write(start..until, Part::State, sides.0, sides.1);
+            schedule.write(start..until, Part::State, |_| true, sides);
             if stage < dims.n_controls {
                 let input = dims.input(stage);
                 let sides = (&mut low[input.clone()], &mut high[input]);
-                schedule.write(start..end, Part::Input, sides.0, sides.1);
+                schedule.write(start..end, Part::Input, |_| true, sides);
             }
             if let Some(row) = (stage + 1).checked_sub(dims.n1).filter(|_| width > 0) {
                 let output = row * width..(row + 1) * width;
-                let sides = (&mut y_low[output.clone()], &mut y_high[output]);
-                schedule.write(start..end, Part::Output, sides.0, sides.1);
+                let (low, high) = (&mut y_low[output.clone()], &mut y_high[output]);
+                let jumps = |output| self.output_rows.has_both_ends(output);
+                schedule.write(start..end, Part::Output, jumps, (low, high));
+                // As a state's, its one value at a mark is bounded by both steps.
+                schedule.write(start..until, Part::Output, |output| !jumps(output), (low, high));
             }
         }
         for (to, from) in at_starts.into_iter().zip([y_low, y_high]) {
@@ -262,9 +265,9 @@ impl Transcription {
         self.curvature.as_ref().is_some_and(|of| of.holds())
     }
 
-    /// The parameters of a stage.
-    pub(crate) fn parameters(&self, stage: usize) -> &[f64] {
-        self.cache.parameters(stage)
+    /// The parameters of a stage, or from its end on.
+    pub(crate) fn parameters(&self, stage: usize, after: bool) -> &[f64] {
+        if after { self.cache.parameters_after(stage) } else { self.cache.parameters(stage) }
     }
 
     /// The same, with the terms of the cost whose Hessian changes.

@@ -3,9 +3,10 @@
 use crate::support::Lag;
 use pinc_loop::ClosedLoop;
 use pinc_mpc::{
-    BoundSchedule, Bounded, Bounds, Nmpc, NmpcProblem, Reference, SqpConfig, Timetable, Weights,
+    BoundSchedule, Bounded, Bounds, Nmpc, NmpcProblem, Reference, SqpConfig, SqpStatus, Timetable,
+    Tracked, Weights,
 };
-use pinc_ode::{Dims, Dopri5, Linearization, Model, Rk4, Stages};
+use pinc_ode::{Dims, Dopri5, Linearization, Model, OutputLinearization, Rk4, Stages};
 
 /// x' = (u - x) / 4 with the output x + u.
 const LAG: Lag = Lag { rate: 0.25, outputs: &[(1.0, true)] };
@@ -121,6 +122,35 @@ fn the_loop_keeps_bounds_that_it_knows() {
     assert!(violation.amount > 0.1, "{violation:?}");
 }
 
+/// y = 2 x, which the input does not change at once, is bounded at a mark by both steps that meet there,
+/// as x is.
+#[test]
+fn an_output_of_states_alone_is_bounded_as_they_are() {
+    let plan = |of_output: bool| {
+        let inf = f64::INFINITY;
+        let highs = |high: f64| if of_output { [inf, inf, 2.0 * high] } else { [high, inf, inf] };
+        let row = |high: f64| [vec![-inf; 3], highs(high).to_vec()].concat();
+        let model = Rk4::new(Lag { rate: 0.25, outputs: &[(2.0, false)] }, 1.0, 2);
+        let [x, _, y] = highs(0.8).map(|high| Bounds::new(vec![-inf], vec![high]));
+        let problem = NmpcProblem {
+            state_bounds: x,
+            output_bounds: Some(y),
+            ..NmpcProblem::new(model.dims(), 6, Weights::uniform(vec![5.0], vec![0.1]))
+        };
+        let rows = Timetable::new(6, [(0, row(0.8)), (3, row(0.3))]).unwrap();
+        let schedule = BoundSchedule::new(rows, &problem, model.dims()).unwrap();
+        let mut nmpc = Nmpc::new(problem, Box::new(model), SqpConfig::default()).unwrap();
+        nmpc.set_bounds_at(&schedule, 0, true);
+        nmpc.step(&[0.5], &[1.0; 6]).unwrap();
+        nmpc.plan().states().to_vec()
+    };
+    let (states, outputs) = (plan(false), plan(true));
+    assert!((outputs[2] - 0.3).abs() < 1e-7, "{outputs:?}");
+    for (x, expected) in outputs.iter().zip(&states) {
+        assert!((x - expected).abs() < 1e-7, "{outputs:?} {states:?}");
+    }
+}
+
 #[test]
 fn schedules_that_do_not_suit_the_problem_are_refused() {
     let refused = |change: fn(&mut Vec<f64>)| {
@@ -143,7 +173,8 @@ fn p(step: usize) -> f64 {
     [0.3, 0.3, -0.4, 1.1][step.min(11) / 3]
 }
 
-/// x+ = x + u/2 + sin(x) p/5, with the disturbance p given, or of the step that a second state counts.
+/// x+ = x + u/2 + sin(x) p/5 and y = (2 + p) x, with the disturbance p given, or of the step that a second
+/// state counts.
 #[derive(Clone, Debug)]
 struct Disturbed {
     counted: bool,
@@ -151,7 +182,8 @@ struct Disturbed {
 
 impl Model for Disturbed {
     fn dims(&self) -> Dims {
-        if self.counted { Dims::new(2, 1) } else { Dims::new(1, 1).with_parameters(1) }
+        let dims = if self.counted { Dims::new(2, 1) } else { Dims::new(1, 1).with_parameters(1) };
+        dims.with_outputs(1)
     }
 
     fn sample_time_s(&self) -> f64 {
@@ -181,32 +213,55 @@ impl Model for Disturbed {
             }
         }
     }
+
+    #[expect(clippy::cast_possible_truncation, reason = "few steps")]
+    fn linearize_output(&mut self, at: Stages<'_>, mut out: OutputLinearization<'_>) {
+        for k in 0..at.count(self.dims()) {
+            let (at, out) = (at.point(k, self.dims()), out.point(k, self.dims()));
+            let p = if self.counted { p(at.x[1].round() as usize) } else { at.p[0] };
+            out.y[0] = (2.0 + p) * at.x[0];
+            (out.c[0], out.d[0]) = (2.0 + p, 0.0);
+            out.c[1..].fill(0.0);
+        }
+    }
 }
 
-/// Parameters that are known in advance give the plans of a model that counts the steps itself.
+/// Parameters that are known in advance give the plans of a model that counts the steps itself, also where
+/// an output has them, which is read at a mark with those from then on.
 #[test]
 fn parameters_may_differ_by_stage() {
+    follow_known_parameters(&Tracked::states([0]));
+    follow_known_parameters(&Tracked::outputs([0]));
+}
+
+fn follow_known_parameters(tracked: &[Tracked]) {
     let rows = (0..12).map(|step| (step, vec![p(step)]));
     let table = Timetable::new(1, rows).unwrap();
     let weights = || Weights::uniform(vec![2.0], vec![0.3]);
     let of = |counted: bool| {
         let model = Disturbed { counted };
         let problem = NmpcProblem {
-            tracked: pinc_mpc::Tracked::states([0]),
+            tracked: tracked.to_vec(),
             parameters: vec![0.0; model.dims().np],
             ..NmpcProblem::new(model.dims(), 4, weights())
         };
         Nmpc::new(problem, Box::new(model), SqpConfig::default()).unwrap()
     };
-    let (mut nmpc, mut counting) = (of(false), of(true));
-    let (mut x, mut next) = (0.6, [0.0]);
+    let mut nmpc = of(false);
+    let (mut x, mut before, mut next) = (0.6, [0.0], [0.0]);
     for step in 0..10 {
         nmpc.set_parameters_ahead(&table, step).unwrap();
         let u = nmpc.step(&[x], &[1.0; 4]).unwrap().u[0];
-        let expected = counting.step(&[x, step as f64], &[1.0; 4]).unwrap().u[0];
+        // A first guess counts its steps, as a shifted plan does not at its end.
+        let mut counting = of(true);
+        counting.reset_to(&[x, step as f64], &before).unwrap();
+        counting.set_first_plan(&[before[0]; 4]).unwrap();
+        let expected = counting.step(&[x, step as f64], &[1.0; 4]).unwrap();
+        assert_eq!(expected.status, SqpStatus::Converged);
+        let expected = expected.u[0];
         assert!((u - expected).abs() < 1e-8, "step {step}: {u} {expected}");
         Disturbed { counted: false }.step(&[x], &[u], &[p(step)], &mut next);
-        x = next[0];
+        (x, before) = (next[0], [u]);
     }
     assert!(
         nmpc.set_parameters_ahead(&Timetable::new(2, [(0, vec![0.0; 2])]).unwrap(), 0).is_err()
