@@ -11,7 +11,8 @@ use pinc_ode::{Dims, Linearization, Model, OutputLinearization, Stages};
 ///
 /// A disturbance of a measured state is part of the state here: the controller sees x + d, which is
 /// what follows references and is bounded, and the model is x + d -> F(x, u) + d. Disturbances of
-/// other outputs are added to these. [`Augmentation::read`] takes x + d and w from an estimate;
+/// other outputs are added to these. Disturbances of other states are what a step adds, whatever its
+/// length, so that the models of a horizon must be of one length. [`Augmentation::read`] takes x + d and w from an estimate;
 /// [`Compensated::problem`] begins the control problem of this model.
 ///
 /// ```

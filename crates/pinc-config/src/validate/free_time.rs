@@ -2,7 +2,7 @@
 
 use super::values::{alone, names, place, value};
 use super::{Checked, Problem};
-use crate::estimator::DisturbanceSpec;
+use crate::estimator::DisturbanceSpec::{Input, States};
 use crate::{ControlSpec, CostSpec, EstimatorSpec, Experiment, Profile, Variables};
 
 const KEY: &str = "control.free_time";
@@ -35,7 +35,7 @@ pub(super) fn free_time(
     if experiment.plant.equations().is_none() {
         return value(KEY, found(), "no such key with a plant whose equations are not known");
     }
-    let of_inputs = |of: &EstimatorSpec| of.disturbance == DisturbanceSpec::Input;
+    let by_time = |of: &EstimatorSpec| matches!(of.disturbance, Input | States(_));
     let others = [
         ("`t` in [control.cost]", control.cost.as_ref().is_some_and(CostSpec::has_time)),
         ("more than one of control.references", control.references.len() > 1),
@@ -44,7 +44,7 @@ pub(super) fn free_time(
         ("control.scenarios", control.scenarios.is_some()),
         ("weights_profile = \"cumulative\"", control.weights_profile == Profile::Cumulative),
         ("control.input_differences", !control.input_differences.is_empty()),
-        ("disturbance = \"input\"", control.estimator.as_ref().is_some_and(of_inputs)),
+        ("disturbances of inputs or states", control.estimator.as_ref().is_some_and(by_time)),
     ];
     alone(KEY, found(), "key", &others)
 }

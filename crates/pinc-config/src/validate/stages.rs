@@ -2,8 +2,9 @@
 
 use super::Checked;
 use super::limits::PARTS;
-use super::values::{length, positive, value};
-use crate::{ControlSpec, ModelKind, Profile};
+use super::values::{alone, length, positive, value};
+use crate::estimator::DisturbanceSpec;
+use crate::{ControlSpec, EstimatorSpec, ModelKind, Profile};
 use pinc_net::NetConfig;
 
 const KEY: &str = "control.stages_s";
@@ -15,42 +16,43 @@ pub(super) fn lengths(
     is_distilled: bool,
 ) -> Checked {
     let Some(stages) = &spec.stages_s else { return Ok(()) };
-    if stages.is_empty() {
+    let Some(&first) = stages.first() else {
         return value(KEY, "[]", "the lengths of one stage or more");
-    }
+    };
     if stages.len() != spec.n2 {
         return length(KEY, stages, spec.n2, "stage of the horizon (control.n2)");
     }
     for (i, &stage) in stages.iter().enumerate() {
         let key = format!("{KEY}[{i}]");
         positive(&key, stage)?;
-        if stage < stages[0] {
-            let expected =
-                format!("{} s at least, the first, which is the control step", stages[0]);
+        if stage < first {
+            let expected = format!("{first} s at least, the first, which is the control step");
             return value(&key, stage, &expected);
         }
-        let steps = stage / stages[0];
+        let steps = stage / first;
         if (steps - steps.round()).abs() > 1e-9 * steps {
-            let expected = format!("a whole number of control steps of {} s", stages[0]);
+            let expected = format!("a whole number of control steps of {first} s");
             return value(&key, stage, &expected);
         }
         for integrator in spec.models.iter().filter_map(|kind| kind.integrator()) {
-            if spec.substeps(integrator, stage, stages[0]) > PARTS {
+            if spec.substeps(integrator, stage, first) > PARTS {
                 let expected = format!("a stage of {PARTS} substeps of {integrator} at most");
                 return value(&key, stage, &expected);
             }
         }
     }
-    if let Some(step_s) = spec.step_s
-        && step_s.total_cmp(&stages[0]).is_ne()
-    {
-        let expected = format!("{KEY}[0], {}, or no such key", stages[0]);
+    if let Some(step_s) = spec.step_s.filter(|step_s| step_s.total_cmp(&first).is_ne()) {
+        let expected = format!("{KEY}[0], {first}, or no such key");
         return value("control.step_s", step_s, &expected);
     }
-    if spec.weights_profile == Profile::Cumulative {
-        let expected = "\"uniform\" with control.stages_s";
-        return value("control.weights_profile", "\"cumulative\"", expected);
-    }
+    // Per control step, as the estimator has it.
+    let of_states = |of: &EstimatorSpec| matches!(of.disturbance, DisturbanceSpec::States(_));
+    let differ = stages.iter().any(|&stage| stage > first);
+    let others = [
+        ("weights_profile = \"cumulative\"", spec.weights_profile == Profile::Cumulative),
+        ("disturbances of states", differ && spec.estimator.as_ref().is_some_and(of_states)),
+    ];
+    alone(KEY, format!("{stages:?}"), "key", &others)?;
     let Some(model) = model.filter(|_| spec.models.contains(&ModelKind::Pinc)) else {
         return Ok(());
     };

@@ -349,7 +349,10 @@ fn stages_that_make_no_sense_are_refused() {
         (vec![stages("[0.0, 10, 20, 40, 80, 140]")], "a positive number"),
         (vec![stages("[10, 10, 20, 40, 80, 150]")], "`model.horizon_s`"),
         (vec!["control.step_s=20.0".into()], "control.stages_s[0], 10"),
-        (vec!["control.weights_profile=cumulative".into()], "\"uniform\" with control.stages_s"),
+        (
+            vec!["control.weights_profile=cumulative".into()],
+            "no such key with weights_profile = \"cumulative\"",
+        ),
         (vec!["training.source=integrator".into()], "a distilled net knows one length only"),
         (vec!["control.rk4_substeps=1000".into()], "10000 substeps of rk4 at most"),
     ] {
@@ -357,6 +360,51 @@ fn stages_that_make_no_sense_are_refused() {
         let found = parse(&text, &sets).unwrap_err();
         assert!(found.contains(expected), "{sets:?}: {found}");
     }
+}
+
+/// A disturbance of a state is what a control step adds to it, whatever a stage's length.
+#[test]
+fn disturbances_of_states_are_refused_with_stages_of_other_lengths() {
+    let text = r#"
+        name = "leak"
+        preset = "ours"
+        seed = 1
+        [plant.expression]
+        states = ["h"]
+        inputs = ["u"]
+        [plant.expression.derivatives]
+        h = "u - 0.2*h"
+        [control]
+        models = ["rk4"]
+        duration_s = 4.0
+        initial_state = [1.0]
+        controlled = ["h"]
+        n2 = 3
+        nu = 3
+        q = [1.0]
+        r = [0.1]
+        input_low = [-2.0]
+        input_high = [2.0]
+        references = [{ start_s = 0.0, value = [1.0] }]
+        [control.measurement]
+        measured = ["h"]
+        noise_sd = [0.0]
+        [control.estimator]
+        kind = "ekf"
+        process_sd = [0.01]
+        measurement_sd = [0.001]
+        initial_estimate = [1.0]
+        initial_sd = [0.1]
+        disturbance = { states = ["h"] }
+        disturbance_sd = [0.05]
+        disturbance_initial_sd = [0.5]
+    "#;
+    let of = |stages: &str| parse(text, &[&format!("control.stages_s={stages}")]);
+    of("[1, 1, 1]").unwrap();
+    let found = of("[1, 1, 4]").unwrap_err();
+    assert!(found.contains("expected no such key with disturbances of states"), "{found}");
+    let sets = ["control.stages_s=[1, 1, 4]", "control.estimator.disturbance=input"];
+    parse(text, &sets).unwrap();
 }
 
 #[test]
