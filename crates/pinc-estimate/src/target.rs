@@ -47,6 +47,8 @@ pub struct SteadyTarget {
     sought: Vec<f64>,
     held: Vec<f64>,
     status: Option<SqpStatus>,
+    /// How many calls left a row as it was.
+    not_found: usize,
 }
 
 impl SteadyTarget {
@@ -106,6 +108,7 @@ impl SteadyTarget {
             sought: numbers.clone(),
             held: numbers,
             status: None,
+            not_found: 0,
         })
     }
 
@@ -116,18 +119,21 @@ impl SteadyTarget {
             return;
         }
         self.asked.fill(f64::NAN);
+        let mut all_found = true;
         for row in reference.chunks_exact_mut(self.tracked.len()) {
             if self.asked[..] != *row {
                 self.asked.copy_from_slice(row);
                 self.hold();
             }
+            all_found &= self.status == Some(SqpStatus::Converged);
             row.copy_from_slice(&self.held);
         }
+        self.not_found += usize::from(!all_found);
     }
 
     /// Finds what can be held of the row that is asked for.
     fn hold(&mut self) {
-        let Self { nmpc, tracked, sizes, origin, asked, sought, held, status } = self;
+        let Self { nmpc, tracked, sizes, origin, asked, sought, held, status, .. } = self;
         sought.iter_mut().zip(asked.iter().zip(&*sizes)).for_each(|(to, (r, size))| *to = r / size);
         for _ in 0..ROUNDS {
             *status = nmpc.step(origin, sought).ok().map(|step| step.status);
@@ -153,6 +159,12 @@ impl SteadyTarget {
     #[must_use]
     pub fn last(&self) -> [&[f64]; 2] {
         [&self.asked, &self.held]
+    }
+
+    /// How many calls of [`SteadyTarget::aim`] left a row as it was: no steady state was found.
+    #[must_use]
+    pub fn not_found(&self) -> usize {
+        self.not_found
     }
 
     /// How the last search for a steady state ended, if there was one.

@@ -50,6 +50,7 @@ impl Metrics {
         findings.extend(of.references.offset.keys().filter_map(|name| self.not_reached(of, name)));
         if let Some(estimator) = &of.estimator {
             findings.extend(estimator.nearest_held.iter().map(not_held));
+            findings.extend(estimator.targets_not_found.map(targets_not_found));
             findings.extend(consistency::findings(estimator, of.steps()));
         }
         for finding in &mut findings {
@@ -165,6 +166,15 @@ impl ViolationMetrics {
 }
 
 /// A reference that cannot be held, with the nearest value that can.
+fn targets_not_found(steps: usize) -> Finding {
+    let what = format!("the search for a steady-state target failed in {steps} control steps.");
+    Finding::new(
+        what,
+        "They follow the references as they are. pinc check says which references are steady states: \
+         choose such, or move references in smaller steps.",
+    )
+}
+
 fn not_held((quantity, nearest): (&String, &f64)) -> Finding {
     let nearest = significant(*nearest);
     Finding::new(
@@ -401,6 +411,16 @@ mod tests {
         // Errors far smaller than allowed for are no finding: sensors may be better than believed.
         let nis = nis.replace("\"nis_mean\": 2.5", "\"nis_mean\": 0.015");
         assert_eq!(notes_of(&format!(r#"{nis}, "nees_mean": 0.01, "nees_steps": 144"#)), [""; 0]);
+    }
+
+    #[test]
+    fn steps_without_a_target_are_counted() {
+        let notes = notes_of(
+            r#""nis_mean": 2.5, "nis_expected": 2.5, "nees_mean": 3.0, "targets_not_found": 7"#,
+        );
+        let [note] = &notes[..] else { panic!("{notes:?}") };
+        let said = "With RK4 the search for a steady-state target failed in 7 control steps.";
+        assert!(note.starts_with(said), "{note}");
     }
 
     #[test]

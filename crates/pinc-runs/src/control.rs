@@ -8,7 +8,7 @@ use super::{Options, loop_error, model_error};
 use crate::RunError;
 use crate::progress::Stage;
 use pinc_config::{ControlSpec, Experiment, HorizonPlants, ModelKind, Schedule, Variables};
-use pinc_estimate::Augmentation;
+use pinc_estimate::{Augmentation, SteadyTarget};
 use pinc_loop::{ClosedLoop, Violation};
 use pinc_mpc::{BoundSchedule, Bounded, Nmpc, NmpcProblem, Reference, Scenarios};
 use pinc_net::{PincNet, TrainingTarget};
@@ -132,7 +132,7 @@ fn run_model(
     let mut progress = Stage::begin(options.verbosity, &name, *repetitions as u64);
     let mut times = Times::default();
     let mut results = None;
-    let (mut outside, mut estimates, mut estimator_us) = (None, None, Vec::new());
+    let (mut outside_domain, mut estimates, mut estimator_us) = (None, None, Vec::new());
     let (names, mut model_error) = (Variables::of(plant).state_names(), None);
     let steps_file = run_dir.path(&file::steps(kind, setup.kinds.len()));
     for repetition in 0..*repetitions {
@@ -173,7 +173,7 @@ fn run_model(
         }
         outcome?;
         results = found;
-        outside = guard.map(Guard::found);
+        outside_domain = guard.map(Guard::found);
         model_error = log.as_ref().map(|log| model_error::read(log, |log| log.metrics(&names)));
     }
     let results = results.expect("there is at least one repetition");
@@ -189,10 +189,10 @@ fn run_model(
     let names = (&states[..], &measured[..]);
     let estimator = estimates.map(|of| EstimatorMetrics {
         nearest_held: of.nearest_held(&setup.spec.controlled),
+        targets_not_found: of.target.as_ref().map(SteadyTarget::not_found).filter(|of| *of > 0),
         ..feedback::metrics(of.history(), names, estimator_us)
     });
     let (wall_s, step_us) = (times.of_runs(), times.of_steps());
-    let outside_domain = outside;
     Ok(ControlMetrics { wall_s, step_us, outside_domain, model_error, estimator, ..results })
 }
 

@@ -27,7 +27,7 @@ const NOISE: u64 = 0x006e_6f69_7365;
 #[derive(Debug)]
 pub(super) struct TimedFeedback {
     feedback: OutputFeedback,
-    target: Option<SteadyTarget>,
+    pub(super) target: Option<SteadyTarget>,
     /// How long each correction and prediction took, in us.
     correct_us: Vec<f64>,
     predict_us: Vec<f64>,
@@ -71,8 +71,7 @@ impl TimedFeedback {
         self.feedback.history()
     }
 
-    /// The nearest values that can be held, of the controlled quantities `names` whose last reference
-    /// cannot.
+    /// The nearest values that can be held, of those of `names` whose last reference cannot.
     pub(super) fn nearest_held(&self, names: &[String]) -> BTreeMap<String, f64> {
         let Some(target) = &self.target else { return BTreeMap::new() };
         let [asked, held] = target.last();
@@ -232,6 +231,7 @@ pub(super) fn metrics(
         rejected: rejected(history, measured),
         estimate_rmse: rmse.map(|(name, sum)| (name, (sum / steps).sqrt())).collect(),
         nearest_held: BTreeMap::new(),
+        targets_not_found: None,
         estimator_us: StepTimes::of(times_us),
         estimator_status: status,
     }

@@ -57,6 +57,39 @@ fn an_input_whose_reference_conflicts_gives_way() {
     assert_eq!(target.last()[0], [0.5, 3.0]);
 }
 
+/// x' = x^2 + u + d
+#[derive(Clone, Debug)]
+struct Rising;
+
+impl Plant for Rising {
+    fn states(&self) -> &[Variable] {
+        static VARIABLES: [Variable; 1] = [Variable::new("x", "")];
+        &VARIABLES
+    }
+
+    fn inputs(&self) -> &[Variable] {
+        static VARIABLES: [Variable; 1] = [Variable::new("u", "")];
+        &VARIABLES
+    }
+
+    fn rhs<S: Scalar>(&self, x: &[S], u: &[S], _p: &[S], dx: &mut [S]) {
+        dx[0] = x[0] * x[0] + u[0];
+    }
+}
+
+/// With d = 2 and u of -1 at least there is no steady state: the row stays, and is counted.
+#[test]
+fn a_target_that_is_not_found_is_counted() {
+    let mut target = target_of(Rising, vec![Tracked::State(0)]);
+    assert_near(&held(&mut target, 0.0, &[-0.5]), &[-0.5]);
+    assert_eq!(target.not_found(), 0);
+    let mut reference = [-0.5, -0.5];
+    target.aim(&[2.0], &mut reference);
+    assert_eq!((reference, target.not_found()), ([-0.5; 2], 1));
+    assert_near(&held(&mut target, 0.0, &[-0.25]), &[-0.25]);
+    assert_eq!(target.not_found(), 1);
+}
+
 #[test]
 fn what_is_beyond_the_bounds_is_held_as_near_as_it_can_be() {
     let mut target = target(&[]);

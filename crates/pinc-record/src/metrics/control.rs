@@ -211,6 +211,9 @@ pub struct EstimatorMetrics {
     /// cannot, with `control.target`.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub nearest_held: BTreeMap<String, f64>,
+    /// In how many steps the search for such a state did not converge: they follow the references.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub targets_not_found: Option<usize>,
     /// The root mean square error of each state's estimate at the step marks, in its unit.
     pub estimate_rmse: BTreeMap<String, f64>,
     /// Time of a correction and a prediction together.
