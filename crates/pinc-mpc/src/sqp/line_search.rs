@@ -68,6 +68,12 @@ impl Sqp {
         self.project(plan, previous);
     }
 
+    pub(super) fn accept_trial(&mut self, length: f64) {
+        self.hessian.take_note(length);
+        self.acceleration.advance(&self.step.d, length);
+        std::mem::swap(&mut self.qp, &mut self.trial);
+    }
+
     /// Linearizes at `plan`, into the trial QP, unless `expired` says before that the time is up; gives the
     /// cost.
     #[inline(always)]

@@ -353,8 +353,7 @@ impl Sqp {
         let (mut iterations, mut least) = (0, point.kkt.max());
         let (mut conflict, mut plan_state) = (None, PlanState::Evaluated);
         let (mut curvature_dropped, always) = (false, self.transcription.leaves_out_hessian());
-        self.hessian = HessianChoice::of(self.config.hessian, always);
-        self.settled = false;
+        (self.hessian, self.settled) = (HessianChoice::of(self.config.hessian, always), false);
         let possible = !self.transcription.is_tightened();
         self.interior.iter_mut().for_each(|interior| interior.begin(possible));
         let status = loop {
@@ -433,6 +432,15 @@ impl Sqp {
                 Search::Unevaluated => {
                     plan_state = PlanState::Stepped;
                     break SqpStatus::Deadline;
+                }
+                // The merit function has had other bounds at each trial.
+                Search::NoDescent if self.transcription.keep_bounds() => {
+                    let Some(again) = self.try_point(model, input, plan, expired) else {
+                        break SqpStatus::Deadline;
+                    };
+                    std::mem::swap(&mut self.qp, &mut self.trial);
+                    (point, least) = (again, f64::INFINITY);
+                    self.hessian.restart(iterations);
                 }
                 Search::NoDescent if self.hessian.give_up(iterations) => continue,
                 Search::NoDescent if self.elastic => break SqpStatus::Stalled,
@@ -571,12 +579,6 @@ impl Sqp {
     ) -> Option<Point> {
         let cost = self.linearize_trial(model, input, plan, expired)?;
         Some(Point { kkt: KktResidual::with_cost(cost, &self.trial, plan, &mut self.work), cost })
-    }
-
-    fn accept_trial(&mut self, length: f64) {
-        self.hessian.take_note(length);
-        self.acceleration.advance(&self.step.d, length);
-        std::mem::swap(&mut self.qp, &mut self.trial);
     }
 
     fn residual(&mut self, plan: &Solution) -> KktResidual {

@@ -35,11 +35,8 @@ pub(crate) struct Transcription {
     pub(crate) increments: Bounds,
     /// What tightens bounds on z and on outputs.
     tightening: Option<Tightening>,
-    /// Whether bounds are tightened anew wherever the problem is linearized.
-    follows_plan: bool,
-    /// Whether the tube follows a guess in this step, for want of a plan before it.
-    is_first: bool,
-    /// Whether there are any of these.
+    following: tube::Following,
+    /// Whether there are bounds on increments.
     limits_increments: bool,
     /// Bounds on the outputs at all constrained stages, at the ends of the intervals and at their starts.
     output_bounds: [Bounds; 2],
@@ -88,8 +85,7 @@ impl Transcription {
             limits_increments: increments.low.iter().chain(&increments.high).any(|b| b.is_finite()),
             increments,
             tightening: None,
-            follows_plan: false,
-            is_first: false,
+            following: tube::Following::default(),
             output_bounds: [output_bounds.clone(), output_bounds],
             constraints: problem.constraints.clone(),
             work: ConstraintWork::new(model, dims.general()),
@@ -371,7 +367,7 @@ impl Transcription {
         if !self.cache.follow(horizon, [x0, z], expired) {
             return false;
         }
-        if self.follows_plan {
+        if self.following.is_anew {
             self.tighten_along(0);
         }
         let [next, a, b] = self.cache.parts();

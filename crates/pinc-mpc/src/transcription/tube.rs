@@ -6,6 +6,17 @@ use crate::outputs::Outputs;
 use pinc_qp::Qp;
 use pinc_tube::{Tightened, Tightening, Tube};
 
+/// How the bounds of a step follow its plan.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Following {
+    /// Whether they are tightened anew wherever the problem is linearized.
+    pub(super) is_anew: bool,
+    /// Whether they are kept for the rest of the step.
+    is_over: bool,
+    /// Whether the tube follows a guess in this step, for want of a plan before it.
+    is_first: bool,
+}
+
 impl Transcription {
     /// Lets `tube` tighten the bounds, of a model with `ny` outputs.
     pub(crate) fn set_tube(&mut self, tube: Box<dyn Tube>, ny: usize) {
@@ -45,18 +56,26 @@ impl Transcription {
             return false;
         }
         let shift = !is_known && self.cache.is_filled();
-        self.is_first = !shift && !is_known;
-        if self.is_first {
+        self.following.is_first = !shift && !is_known;
+        if self.following.is_first {
             self.cache.follow(horizon, at, &mut || false);
         }
         self.tighten_along(usize::from(shift))
     }
 
     /// Tightens bounds anew wherever the problem is linearized after so many programs of a step, if the
-    /// tube says so.
+    /// tube says so and they have not been kept since.
     pub(crate) fn follow_plan(&mut self, programs: Option<usize>) {
-        let most = self.tightening.as_ref().map_or(0, |of| of.programs(self.is_first));
-        self.follows_plan = programs.is_some_and(|programs| programs < most);
+        let Following { is_anew, is_over, is_first } = &mut self.following;
+        let most = self.tightening.as_ref().map_or(0, |of| of.programs(*is_first));
+        *is_over &= programs.is_some();
+        *is_anew = !*is_over && programs.is_some_and(|programs| programs < most);
+    }
+
+    /// Keeps the bounds as they are for the rest of the step; whether they would have changed.
+    pub(crate) fn keep_bounds(&mut self) -> bool {
+        self.following.is_over = true;
+        std::mem::take(&mut self.following.is_anew)
     }
 
     /// Tightens the bounds along the points where the model was linearized last, moved on by `shift`

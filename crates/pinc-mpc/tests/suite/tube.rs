@@ -1,12 +1,15 @@
 //! Bounds that a tube tightens, step by step.
 
+use pinc_ad::Scalar;
 use pinc_mpc::{
     BoundSchedule, Bounds, MpcError, Nmpc, NmpcProblem, SqpConfig, SqpStatus, Timetable, Tracked,
     Weights,
 };
-use pinc_ode::{LinearizationBuffer, Model, Rk4, Stages};
+use pinc_ode::{LinearizationBuffer, Model, Plant, Rk4, Stages, Variable};
 use pinc_plants::FourTanks;
-use pinc_tube::{AlongPlan, BackOffs, EllipsoidTube, Feedback, Sources, Tube, TubeUnits};
+use pinc_tube::{
+    AlongPlan, BackOffs, EllipsoidTube, Feedback, Sources, Tube, TubeModel, TubeUnits,
+};
 
 const N: usize = 6;
 const NU: usize = 4;
@@ -156,4 +159,67 @@ fn what_does_not_go_with_a_tube_is_refused() {
     let stages = Nmpc::builder(problem()).stages(near(), 4).stages(far, 2);
     let refused = stages.tube(Box::new(tube(0.05))).build().unwrap_err();
     assert_eq!(refused, MpcError::WithTube("stages of different lengths"));
+}
+
+/// Two states that push each other, with an output of both.
+#[derive(Clone, Debug)]
+struct Pushed;
+
+impl Plant for Pushed {
+    fn states(&self) -> &[Variable] {
+        static VARIABLES: [Variable; 2] = [Variable::new("x", ""), Variable::new("w", "")];
+        &VARIABLES
+    }
+
+    fn inputs(&self) -> &[Variable] {
+        static VARIABLES: [Variable; 2] = [Variable::new("u", ""), Variable::new("v", "")];
+        &VARIABLES
+    }
+
+    fn outputs(&self) -> &[Variable] {
+        static VARIABLES: [Variable; 1] = [Variable::new("y", "")];
+        &VARIABLES
+    }
+
+    fn rhs<S: Scalar>(&self, x: &[S], u: &[S], _p: &[S], dx: &mut [S]) {
+        dx[0] = u[0] - x[0] * 0.5 + x[1].sin() * 0.3 - x[0] * x[0] * x[0] * 0.1;
+        dx[1] = x[0] * x[1] * 0.5 - x[1] + u[1] * 0.8 - x[1] * x[1] * 0.2;
+    }
+
+    fn output<S: Scalar>(&self, x: &[S], _u: &[S], _p: &[S], y: &mut [S]) {
+        y[0] = x[0] + x[1] * x[1] * 0.5;
+    }
+}
+
+/// The bounds of a step that move with its plan change the merit function from trial to trial: where it
+/// refuses a step, they stay, and the plan is found.
+#[test]
+fn many_tightenings_of_a_step_do_not_stop_it() {
+    let model = Rk4::new(Pushed, 0.4, 1);
+    let problem = NmpcProblem {
+        tracked: Tracked::states([0, 1]),
+        state_bounds: Bounds::new(vec![-1.0, -1.0], vec![1.0, 0.8]),
+        output_bounds: Some(Bounds::new(vec![f64::NEG_INFINITY], vec![1.1])),
+        input_bounds: Bounds::new(vec![-2.0; 2], vec![2.0; 2]),
+        ..NmpcProblem::new(model.dims(), 8, Weights::uniform(vec![1.0; 2], vec![1e-3; 2]))
+    };
+    for start in [[0.0, 0.0], [0.05, 0.0], [0.2, 0.1], [-0.3, 0.2]] {
+        for programs in [1, 5, 30] {
+            let sources = Sources {
+                probability: Some(0.999),
+                process_sd: vec![0.03, 0.02],
+                ..Sources::default()
+            };
+            let units = TubeUnits { states: vec![1.0; 2], inputs: vec![2.0; 2] };
+            let follows = TubeModel { model: Box::new(model.clone()), more: Vec::new() };
+            let sizes = (model.dims(), 8);
+            let tube = EllipsoidTube::new(sizes, sources, Some(follows), Feedback::None, units);
+            let tube = tube.unwrap().tightening_programs(programs);
+            let builder = Nmpc::builder(problem.clone()).model(Box::new(model.clone()));
+            let mut nmpc = builder.tube(Box::new(tube)).build().unwrap();
+            let report = nmpc.step(&start, &[2.0, 1.5].repeat(8)).unwrap();
+            assert_eq!(report.status, SqpStatus::Converged, "{start:?} {programs}");
+            assert!(nmpc.tightened().unwrap().fits, "{start:?} {programs}");
+        }
+    }
 }
