@@ -179,7 +179,7 @@ fn not_held((quantity, nearest): (&String, &f64)) -> Finding {
     let nearest = significant(*nearest);
     Finding::new(
         format!(
-            "the last reference of {quantity} cannot be held: {nearest} is the nearest that can."
+            "the last reference of {quantity} cannot be held: {nearest} is the nearest found that can."
         ),
         "The bounds, the estimated disturbances and the other references leave no more.",
     )
