@@ -152,7 +152,9 @@ impl Units {
             }
         }
         let size = if most > 0.0 { (least * most).sqrt() } else { self.slope.unwrap_or(1.0) };
-        let by_largest = (most.max(self.of_outputs) / LARGEST_WEIGHT).log2().ceil().exp2();
+        // Weights of outputs, whose sizes are not known, keep the unit from becoming small only.
+        let largest = (most / LARGEST_WEIGHT).max((self.of_outputs / LARGEST_WEIGHT).min(1.0));
+        let by_largest = largest.log2().ceil().exp2();
         let by_least = (MOST_COST * least).log2().floor().exp2().max(1.0);
         self.cost = unit(size, ORDINARY_WEIGHT).max(by_largest).min(by_least);
         let is_one = |unit: &f64| unit.to_bits() == 1.0_f64.to_bits();
