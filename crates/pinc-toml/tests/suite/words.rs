@@ -105,6 +105,8 @@ fn the_nearest_word_has_a_third_of_its_letters_wrong_at_most() {
         ("labmad", Some("lambda")),
         ("lodges", Some("longest")),
         ("hidden", None),
+        ("lambxy", Some("lambda")),
+        ("lambxyz", None),
         ("la", None),
         ("lo", Some("low")),
         ("lxx", None),
@@ -132,10 +134,17 @@ fn a_list_of_the_wrong_length_says_what_its_entries_are() {
 /// An error at a key of a text without layers has the key's line, or that of what is around it.
 #[test]
 fn an_error_at_a_key_has_its_line() {
-    let text = "a = 1\n[b]\nc = [\n  1,\n  { d = 2 },\n]\n";
-    for (key, line) in
-        [("a", 1), ("b", 2), ("b.c", 3), ("b.c[0]", 4), ("b.c[1].d", 5), ("b.x", 2), ("x", 1)]
-    {
+    let text = "a = 1\n[b]\nc = [\n  1,\n  { d = 2 },\n  3\n]\n";
+    for (key, line) in [
+        ("a", 1),
+        ("b", 2),
+        ("b.c", 3),
+        ("b.c[0]", 4),
+        ("b.c[1].d", 5),
+        ("b.c[2]", 6),
+        ("b.x", 2),
+        ("x", 1),
+    ] {
         let error = ConfigError::at_key("f.toml".as_ref(), text, key, Problem::NotFinite(1.0));
         let expected = format!("f.toml:{line}: `{key}`: 1 given, expected a finite number");
         assert_eq!(error.to_string(), expected);
