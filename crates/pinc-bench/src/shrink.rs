@@ -235,3 +235,108 @@ fn table(judgement: &Judgement) -> CsvText {
     }
     table
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use pinc_config::Plants;
+
+    /// The controller of a tank in steps of 5 s, with some values set.
+    fn controller(sets: &[&str]) -> BatchController {
+        let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../../configs/smoke/rk4-only.toml");
+        let sets: Vec<String> =
+            ["control.step_s=5.0"].iter().chain(sets).map(|&set| set.to_owned()).collect();
+        let experiment = Experiment::load(path.as_ref(), &sets, &Plants::built_in()).unwrap();
+        BatchController::new(&experiment, None, None, 1, COMMAND).unwrap()
+    }
+
+    const TWO: &str = "control.references=[{ start_s = 0.0, value = [9.0] }, \
+                       { start_s = 120.0, value = [7.5] }]";
+
+    /// References are held as long as the shortest of the config is, from the last one to the end of
+    /// the loop too, and between 10 and 60 steps.
+    #[test]
+    fn references_are_held_as_long_as_the_shortest() {
+        for (sets, steps) in [
+            (&[TWO][..], 16),
+            (&[TWO, "control.duration_s=180.0"], 12),
+            (&[TWO, "control.duration_s=150.0"], 10),
+            (&[TWO, "control.duration_s=400.0"], 24),
+            (&[], 40),
+            (&["control.duration_s=400.0"], 60),
+        ] {
+            assert_eq!(hold(&controller(sets)), steps, "{sets:?}");
+        }
+    }
+
+    /// The net is trained where the loop goes and a fifth of that further, within the bounds: a loop
+    /// that rises from 5 to 5 + w is met from 5 - 0.2 w to 5 + 1.2 w.
+    #[test]
+    fn the_region_is_that_of_the_loop_and_a_margin() {
+        let found = region(&mut controller(&[TWO])).unwrap();
+        let (low, high) = (found.states.low[0], found.states.high[0]);
+        let width = (5.0 - low) / 0.2;
+        assert!((high - (5.0 + 1.2 * width)).abs() < 1e-9, "{low} {high}");
+        assert!((3.9..4.3).contains(&width), "{width}");
+        assert_eq!(
+            (&found.references.low[..], &found.references.high[..]),
+            (&[7.5][..], &[9.0][..])
+        );
+        // Within the bounds, but for where the loop itself goes.
+        let bounds = ["control.state_low=[4.9]", "control.state_high=[9.3]"];
+        let found = region(&mut controller(&[TWO, bounds[0], bounds[1]])).unwrap();
+        assert!((found.states.low[0] - 4.9).abs() < 1e-12, "{:?}", found.states);
+        assert!((found.states.high[0] - 9.3).abs() < 1e-12, "{:?}", found.states);
+        let found = region(&mut controller(&[TWO, "control.state_low=[5.5]"])).unwrap();
+        assert!((found.states.low[0] - 5.0).abs() < 1e-12, "{:?}", found.states);
+    }
+
+    fn outcome(iae: f64, broken: usize, newly_broken: usize, kept: f64, optimized: f64) -> Outcome {
+        let mut outcome = Outcome::default();
+        (outcome.iae, outcome.broken, outcome.newly_broken) = (iae, broken, newly_broken);
+        (outcome.kept, outcome.optimized) = (kept, optimized);
+        outcome
+    }
+
+    fn judgement() -> Judgement {
+        let mut judgement = Judgement::default();
+        judgement.loops = 16;
+        judgement.nmpc = outcome(8.0, 1, 0, 0.0, 1.0);
+        judgement.net = outcome(10.0, 5, 4, 1.0, 0.0);
+        judgement.checked = outcome(9.0, 3, 2, 0.875, 0.0);
+        judgement.backed = outcome(8.5, 2, 1, 0.75, 0.25);
+        judgement
+    }
+
+    /// Each driver's errors are in percent of the controller's, beside its own counts.
+    #[test]
+    fn drivers_are_compared_with_the_controller() {
+        let (c, weights, labels) = (Err(String::new()), 81, 500);
+        let said = ShrunkController { judgement: judgement(), c, weights, labels }.to_string();
+        let head = "a net of 81 weights, trained on 500 plans; 16 loops, ";
+        assert!(said.starts_with(head), "{said}");
+        let rows = [
+            ("controller", "100.000", 1, 0),
+            ("net", "125.000", 5, 4),
+            ("net, checked", "112.500", 3, 2),
+            ("net, backed", "106.250", 2, 1),
+        ];
+        for ((name, percent, broken, newly), line) in rows.into_iter().zip(said.lines().skip(1)) {
+            let counts = format!("bounds broken in {broken} loops, {newly} of them kept");
+            assert!(line.starts_with(&format!("{name:<15} ")), "{line}");
+            assert!(line.contains(&format!(" {percent} %")) && line.contains(&counts), "{line}");
+        }
+        let last = said.lines().last().unwrap();
+        assert!(last.contains("keeps 87.5 % of the net's plans"), "{last}");
+        assert!(last.ends_with("that plans 25.0 % of the steps"), "{last}");
+    }
+
+    #[test]
+    fn the_table_has_a_row_for_each_driver() {
+        let text = String::from_utf8(table(&judgement()).as_bytes().to_vec()).unwrap();
+        let expected = "driver,loops,iae,broken,newly_broken,kept,optimized\n\
+                        controller,16,8,1,0,0,1\nnet,16,10,5,4,1,0\nchecked,16,9,3,2,0.875,0\n\
+                        backed,16,8.5,2,1,0.75,0.25\n";
+        assert_eq!(text, expected);
+    }
+}

@@ -195,3 +195,38 @@ fn probe(threads: usize, rounds: u64) -> f64 {
     let seconds = shares.iter().map(|share| share.1).fold(0.0, f64::max);
     to_f64(operations) / seconds / 1e9
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A product of a weight with a number, and its addition, are two operations. Values and their
+    /// derivatives by time take each weight once at a collocation point and its derivative, and once
+    /// at an initial point; back each is met twice, but for those of the first layer, beyond which
+    /// nothing is to be known.
+    #[test]
+    fn operations_are_counted_by_layers_and_columns() {
+        let experiment = Case::VanDerPol.papers_training().unwrap();
+        let effort = Effort { collocation_points: 30, initial_points: 7, ..Effort::new(true) };
+        let evaluation = Evaluation::new(&experiment, &effort).unwrap();
+        assert_eq!((evaluation.collocation.len(), evaluation.initial.len()), (30, 7));
+        let widths = evaluation.net.mlp().widths();
+        assert_eq!(widths, [4, 20, 20, 20, 20, 2]);
+        let first = 4 * 20;
+        let others = 3 * 20 * 20 + 20 * 2;
+        let forward_and_back = 2 * (first + others) + 2 * (first + 2 * others);
+        assert_eq!(evaluation.operations(), forward_and_back * (2 * 30 + 7));
+        assert_eq!(size(&evaluation.net), "4x20");
+    }
+
+    /// Each peak is the median of its own measurements; with one thread both are the same.
+    #[test]
+    fn a_peak_is_of_one_thread_or_of_all() {
+        let mut probes = Probes::default();
+        probes.add(1, vec![3.0, 1.0, 2.0]);
+        assert_eq!(probes.peak(), FmaPeak { f64_1: 2.0, f64_all: 2.0 });
+        probes.add(8, vec![20.0]);
+        probes.add(1, vec![0.5, 0.25]);
+        assert_eq!(probes.peak(), FmaPeak { f64_1: 1.0, f64_all: 20.0 });
+    }
+}

@@ -191,3 +191,79 @@ fn net_sections(own: &Experiment, domain: &Domain, longest_s: f64) -> String {
     }
     text
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// What is chosen from a shipped config with these values.
+    fn base(config: &str, sets: &[&str]) -> Base {
+        let plants = Plants::built_in();
+        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../configs/smoke").join(config);
+        let sets: Vec<String> = sets.iter().map(|&set| set.to_owned()).collect();
+        let experiment = Experiment::load(&path, &sets, &plants).unwrap();
+        Base::of(&experiment, &plants).unwrap()
+    }
+
+    const BOUNDS: [&str; 2] = ["control.state_low=[2.0]", "control.state_high=[20.0]"];
+
+    /// Without a domain the bounds are one, if all of them are finite; a net and its validation come
+    /// with it, the latter in the middle half of the box.
+    #[test]
+    fn bounds_of_all_states_are_a_domain() {
+        let of = base("rk4-only.toml", &BOUNDS);
+        let domain = of.experiment.domain.as_ref().unwrap();
+        assert_eq!((&domain.state_low[..], &domain.state_high[..]), (&[2.0][..], &[20.0][..]));
+        assert_eq!((&domain.input_low[..], &domain.input_high[..]), (&[0.5][..], &[4.45][..]));
+        let model = of.experiment.model.as_ref().unwrap();
+        assert!((model.sample_time_s - 10.0).abs() < 1e-12);
+        let validation = of.experiment.validation.as_ref().unwrap();
+        assert!((validation.duration_s - 100.0).abs() < 1e-12);
+        assert_eq!(validation.domain.state_low, [6.5]);
+        assert_eq!(validation.domain.state_high, [15.5]);
+        assert_eq!(validation.domain.input_low, [0.5 + 0.25 * 3.95]);
+        assert_eq!(of.sources, [TrainingTarget::Integrator, TrainingTarget::Physics]);
+        assert_eq!(of.notes, [""; 0]);
+        assert_eq!(of.experiment.one_step.as_ref().unwrap().points, 1024);
+        assert_eq!((of.states(), of.control().models.len()), (1, 1));
+
+        for sets in [&[BOUNDS[0]][..], &["control.state_low=[-inf]", BOUNDS[1]]] {
+            let of = base("rk4-only.toml", sets);
+            assert!(of.experiment.domain.is_none() && of.experiment.one_step.is_none());
+            assert_eq!(of.sources, []);
+            assert!(of.notes[0].ends_with("neither a [domain] nor bounds of all states"));
+            assert!(of.experiment.model.is_none());
+            assert_eq!(of.control().step_s, Some(10.0));
+        }
+    }
+
+    /// A net has one length of steps, and is trained over the longest stage; of stages of several
+    /// lengths none is distilled.
+    #[test]
+    fn a_net_covers_the_longest_stage() {
+        let stages = "control.stages_s=[10.0, 10.0, 20.0, 20.0, 20.0]";
+        let of = base("rk4-only.toml", &[BOUNDS[0], BOUNDS[1], stages]);
+        let model = of.experiment.model.as_ref().unwrap();
+        assert!((model.sample_time_s - 20.0).abs() < 1e-12, "{model:?}");
+        assert_eq!(of.sources, [TrainingTarget::Physics]);
+    }
+
+    /// The config's own domain, net and training are taken as they are; what guards its net is kept
+    /// for the nets that are tried.
+    #[test]
+    fn sections_of_the_config_are_kept() {
+        let of = base("one-tank.toml", &["control.error_tolerance={ h = 0.5 }"]);
+        let domain = of.experiment.domain.as_ref().unwrap();
+        assert_eq!(domain.state_high, [20.0]);
+        assert_eq!(of.experiment.validation.as_ref().unwrap().domain.state_low, [4.0]);
+        assert_eq!(of.iterations(), [150]);
+        assert_eq!(of.guard.0.get("h"), Some(&0.5));
+        assert!(of.control().error_tolerance.is_empty());
+        assert!(of.experiment.prediction.is_none() && of.experiment.sweep.is_none());
+        assert_eq!(of.control().models, [ModelKind::RK4]);
+        // A net for one scenario is no model of all.
+        let own = "model.ansatz=\"direct\"";
+        let of = base("one-tank.toml", &[own]);
+        assert_eq!(of.sources, [TrainingTarget::Physics]);
+    }
+}

@@ -180,3 +180,55 @@ impl InC {
         count.ok_or_else(|| RunError::Failed(format!("{EMULATOR} counts no instructions")))
     }
 }
+
+#[cfg(all(test, unix))]
+mod tests {
+    use super::*;
+
+    /// A directory with a program in place of the compiled self-test, which prints this.
+    fn printing(lines: &str) -> (tempfile::TempDir, InC) {
+        let dir = tempfile::tempdir().unwrap();
+        // Written by a process of its own: no other test holds the file open when it begins.
+        let write = "printf '#!/bin/sh\nprintf \"%s\"\n' \"$0\" > timed && chmod +x timed";
+        let mut shell = Command::new("sh");
+        let status = shell.args(["-c", write, lines]).current_dir(dir.path()).status().unwrap();
+        assert!(status.success());
+        let built = InC { dir: dir.path().to_owned(), instructions: Some(7) };
+        (dir, built)
+    }
+
+    /// The self-test says the time of each of its steps: the middle one and the longest count, in
+    /// the order of numbers, not of texts.
+    #[test]
+    fn the_cost_is_the_median_and_the_longest_time() {
+        let (_dir, built) = printing("us 9\\nsteps 5\\nus 100\\nus 1.5\\nus 20\\nus 3\\n");
+        let cost = built.time().unwrap();
+        let expected = CostInC { p50_us: 9.0, p99_us: 100.0, instructions: Some(7) };
+        assert_eq!(cost, expected);
+        let (_dir, built) = printing("steps 0\\n");
+        let said = built.time().unwrap_err().to_string();
+        assert_eq!(said, "the self-test in C takes no step");
+    }
+
+    /// A controller is one with a plan or a feedback; its own sources are compiled beside the
+    /// self-test, in the same order on each machine.
+    #[test]
+    fn sources_are_those_of_the_controller() {
+        let dir = tempfile::tempdir().unwrap();
+        let built = InC { dir: dir.path().to_owned(), instructions: None };
+        for name in ["ctl_mpc.c", "ctl_mpc.h", "ctl_selftest.c", "ctl_equation.c", "timed.c"] {
+            built.write(name, "").unwrap();
+        }
+        assert_eq!(built.sources().unwrap(), ["ctl_equation.c", "ctl_mpc.c"]);
+        assert_eq!(built.step(), "ctl_mpc_step");
+        assert!(
+            built
+                .header("MORE\n")
+                .ends_with("#define CALL ctl_mpc_step(of, x, r, u)\nSTEP;\nMORE\n")
+        );
+        built.write("ctl_feedback.c", "").unwrap();
+        assert_eq!(built.step(), "ctl_feedback_step");
+        let missing = InC { dir: dir.path().join("nowhere"), instructions: None };
+        assert!(missing.time().unwrap_err().to_string().contains("nowhere"));
+    }
+}

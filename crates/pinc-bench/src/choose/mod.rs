@@ -180,3 +180,69 @@ fn copy_net(session: &Session<'_>, winner: &Tried) -> Result<bool, RunError> {
     fs::copy(&from, &to).map_err(RecordError::unwritable(&to))?;
     Ok(true)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use pinc_choose::{Candidate, Score};
+
+    fn tried(substeps: usize, result: Result<Score, String>) -> Tried {
+        let integrator = pinc_ode::Integrator::Rk4;
+        let candidate = Candidate::Integrator { integrator, substeps };
+        Tried { candidate, net: None, repetitions: 1, place: String::new(), result }
+    }
+
+    fn score() -> Score {
+        Score {
+            iae: 1.0,
+            violation: 0.0,
+            failed: 0.125,
+            steps: 16,
+            p50_us: 1.0,
+            p99_us: 2.0,
+            rms: None,
+            worst: None,
+            proven: None,
+            beyond: 0,
+            training_s: None,
+            instructions: None,
+            unexported: None,
+            unsound: None,
+        }
+    }
+
+    /// Where nothing can be chosen, each model is named with its own reason: the error of its loop,
+    /// or else what makes it unsound, or why it is not exported, or else its failed steps.
+    #[test]
+    fn a_choice_of_nothing_has_a_reason_for_each_model() {
+        let unexported = Some("no C compiler".to_owned());
+        let unsound = Some("unstable at 3 of 9 points".to_owned());
+        let all = [
+            tried(1, Err("the plant breaks off".to_owned())),
+            tried(2, Ok(score())),
+            tried(3, Ok(Score { unexported: unexported.clone(), ..score() })),
+            tried(4, Ok(Score { unexported, unsound, ..score() })),
+        ];
+        let found = SearchResult { tried: all.to_vec(), ..SearchResult::default() };
+        let head = "tanks: no model can be chosen, since no loop succeeded that others could be \
+                    compared with";
+        let reasons = "RK4 x1: the plant breaks off; RK4 x2: 12 % of its steps fail; \
+                       RK4 x3: no C compiler; RK4 x4: unstable at 3 of 9 points";
+        assert_eq!(nothing("tanks", &found).to_string(), format!("{head}: {reasons}"));
+        let found = SearchResult { is_out_of_time: true, ..found };
+        let said = nothing("tanks", &found).to_string();
+        assert_eq!(
+            said,
+            format!("{head} so far (the time was up; --budget-s gives more): {reasons}")
+        );
+    }
+
+    #[test]
+    fn what_is_timed_is_found_by_its_name() {
+        for timed in Timed::ALL {
+            assert_eq!(Timed::from_name(timed.name()), Some(timed));
+            assert_eq!(timed.note().is_some(), timed == Timed::ExportedC);
+        }
+        assert_eq!(Timed::from_name("C"), None);
+    }
+}

@@ -241,3 +241,6 @@ fn said_by(program: &str, arguments: &[&std::ffi::OsStr]) -> Result<String, RunE
         false => Err(failed(text(&output.stderr))),
     }
 }
+
+#[cfg(test)]
+mod tests;

@@ -436,3 +436,6 @@ fn effort_of_trainings<'t>(
     let sum = left.iter().map(|((_, training), share)| share * effort(training)).sum();
     (sum, left.len(), trainings.len())
 }
+
+#[cfg(test)]
+mod tests;

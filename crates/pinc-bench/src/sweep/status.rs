@@ -124,3 +124,63 @@ impl fmt::Display for Status {
         write!(f, "{}", self.at_work())
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn of(counts: SweepMetrics) -> Status {
+        Status {
+            name: "tanks".to_owned(),
+            counts,
+            nets: (0, 0),
+            processes: 0,
+            lanes: 0,
+            seconds_left: None,
+            failures: Vec::new(),
+            queue: None,
+        }
+    }
+
+    fn counts(done: usize, failed: usize, dropped: usize) -> SweepMetrics {
+        SweepMetrics { trials: 12, done, failed, dropped, broken_bounds: Vec::new(), best: None }
+    }
+
+    /// Each count has its own line, and there is none of what is not there.
+    #[test]
+    fn a_status_says_what_is_done_and_what_is_left() {
+        assert_eq!(
+            of(counts(5, 0, 0)).to_string(),
+            "tanks: 12 trials: 5 done, 0 failed, 7 left\nno process works on it"
+        );
+        let failure = |trial: &str| (trial.to_owned(), "it fell over".to_owned());
+        let busy = Status {
+            nets: (4, 1),
+            processes: 2,
+            lanes: 6,
+            failures: vec![failure("a1"), failure("b2")],
+            queue: Some("in Slurm's queue: 7".to_owned()),
+            ..of(counts(3, 3, 4))
+        };
+        assert_eq!(
+            busy.to_string(),
+            "tanks: 12 trials: 3 done, 3 failed, 2 left\ndropped by the search: 4\n\
+             nets: 3 trained, 1 left\nfailed: a1: it fell over\nfailed: b2: it fell over\n\
+             failed: 1 more\nin Slurm's queue: 7\nat work: 2 processes with 6 at a time"
+        );
+        // All failures are named.
+        let named = Status { failures: vec![failure("a1")], ..of(counts(3, 1, 0)) }.to_string();
+        assert!(named.contains("failed: a1: ") && !named.contains("more"), "{named}");
+    }
+
+    /// A sweep without anything left is over once nobody works on it; the time left is said with a
+    /// process at work.
+    #[test]
+    fn a_sweep_is_over_once_nothing_is_left_and_nobody_works() {
+        assert_eq!(of(counts(9, 1, 2)).at_work(), "over");
+        let last = Status { processes: 1, lanes: 3, ..of(counts(9, 1, 2)) };
+        assert_eq!(last.at_work(), "at work: 1 process with 3 at a time");
+        let said = Status { seconds_left: Some(7200.0), ..last }.at_work();
+        assert!(said.starts_with("at work: 1 process with 3 at a time; about 2.0 h left, until "));
+    }
+}

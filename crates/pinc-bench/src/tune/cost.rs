@@ -237,4 +237,65 @@ mod tests {
         assert!(!score(1, 1.0).is_better(&score(0, 9.0)));
         assert!(score(1, 1.0).is_better(&score(1, 9.0)));
     }
+
+    /// A mean of 0 cannot be divided by, and loops without a number do not count.
+    #[test]
+    fn what_is_zero_or_unknown_is_measured_in_its_own_unit() {
+        let mut cost = Cost::of(&base()).unwrap();
+        cost.set_scales(&[finished(0.0, 5.0), finished(f64::NAN, 5.0)]);
+        let score = cost.score(&[finished(2.0, 4.0)]);
+        assert!((score.cost - (1.5 * 2.0 + 0.25 * 4.0)).abs() < 1e-12, "{}", score.cost);
+        cost.set_scales(&[finished(8.0, 5.0), finished(f64::NAN, 5.0)]);
+        let score = cost.score(&[finished(2.0, 4.0), finished(f64::NAN, 4.0)]);
+        assert!((score.cost - (1.5 * 2.0 / 8.0 + 0.25 * 4.0)).abs() < 1e-12, "{}", score.cost);
+        assert_eq!(score.failed, 1);
+        let said = cost.to_string();
+        assert_eq!(said, "1.5 iae_dense_sum/8.0000e0 + 0.25 input_travel");
+        // Where all failed, nothing is as bad.
+        let none = cost.score(&[finished(f64::NAN, 4.0)]);
+        assert_eq!((none.failed, none.to_string().as_str()), (usize::MAX, "all loops failed"));
+        assert!(score.is_better(&none) && !none.is_better(&score) && !none.is_better(&none));
+    }
+
+    /// The first loop that ended well says what is missing, not one that failed before.
+    #[test]
+    fn a_number_that_loops_do_not_have_is_named() {
+        let cost = Cost::of(&base()).unwrap();
+        let ending = Ending::Failed { error: String::new() };
+        let failed = Finished { ending, ..finished(f64::NAN, f64::NAN) };
+        assert_eq!(cost.missing(&[failed.clone(), finished(1.0, 2.0)]), None);
+        assert_eq!(cost.missing(&[failed.clone(), finished(1.0, f64::NAN)]), Some("input_travel"));
+        assert_eq!(cost.missing(&[finished(f64::NAN, 2.0)]), Some("iae_dense_sum"));
+        assert_eq!(cost.missing(&[failed]), None);
+    }
+
+    /// Each candidate has a row with its failures, its cost, the mean of each term and its values;
+    /// the comparison has the keys with both values, and the terms of both scores.
+    #[test]
+    fn candidates_are_listed_with_their_means_and_values() {
+        let base = base();
+        let spec = base.tune.clone().unwrap();
+        let mut cost = Cost::of(&base).unwrap();
+        cost.set_scales(&[finished(2.0, 5.0)]);
+        let written = cost.score(&[finished(2.0, 8.0)]);
+        let tuned = cost.score(&[finished(1.0, 4.0)]);
+        let none = cost.score(&[]);
+        let values: Candidate = [("control.r.0".to_owned(), 0.5.into())].into_iter().collect();
+        let tried =
+            [(Candidate::new(), written.clone()), (values.clone(), tuned.clone()), (values, none)];
+        let table = cost.table(&spec, &tried);
+        let text = String::from_utf8(table.as_bytes().to_vec()).unwrap();
+        let expected = "candidate,failed,cost,iae_dense_sum,input_travel,control.r.0\n\
+                        0,0,3.5,2,8,\n1,0,1.75,1,4,0.5\n2,all,inf,,,0.5\n";
+        assert_eq!(text, expected);
+        let (values, _) = &tried[1];
+        let compared = cost.compared(&spec, &base, values, &[written, tuned]);
+        let rows: Vec<Vec<&str>> =
+            compared.lines().map(|line| line.split_whitespace().collect()).collect();
+        assert_eq!(rows[0], ["as", "written", "tuned"]);
+        assert_eq!(rows[1], ["control.r.0", "1.0", "0.5"]);
+        assert_eq!(rows[2][rows[2].len() - 2..], ["3.5000", "1.7500"]);
+        assert_eq!(rows[3], ["iae_dense_sum", "2.0000", "1.0000"]);
+        assert_eq!(rows[4], ["input_travel", "8.0000", "4.0000"]);
+    }
 }

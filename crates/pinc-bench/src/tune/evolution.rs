@@ -215,4 +215,77 @@ mod tests {
         let (found, _) = minimum(|v| v[0] + (v[1] - 0.5).powi(2) - v[2], 200);
         assert!(found[0] < 0.01 && (found[1] - 0.5).abs() < 0.01 && found[2] > 0.99, "{found:?}");
     }
+
+    /// Three generations of given numbers, the third of which drives the path so far that it is cut
+    /// off and the step grows by its limit. Python, with the equations (5) to (47) of the tutorial.
+    #[test]
+    fn a_generation_moves_mean_step_and_covariance_as_the_tutorial_has_it() {
+        let mut evolution = Evolution::new(vec![0.5, 0.4], 1);
+        assert_eq!(evolution.population, 6);
+        let rest = [[0.0; 2]; 3];
+        let generations = [
+            [[1.0, -0.5], [0.25, 0.75], [-0.5, 1.5]],
+            [[-1.25, 0.5], [0.5, 0.25], [0.75, -1.0]],
+            [[4.0, 3.5], [3.5, 4.0], [3.0, 3.75]],
+        ];
+        for normals in generations {
+            let drawn = normals.iter().chain(&rest).map(|normal| {
+                let f = &evolution.factor;
+                let moved = [f[0] * normal[0], f[2] * normal[0] + f[3] * normal[1]];
+                let point = [0, 1].map(|i| evolution.mean[i] + evolution.step * moved[i]).to_vec();
+                Drawn { place: point.clone(), point, normal: normal.to_vec() }
+            });
+            let drawn: Vec<Drawn> = drawn.collect();
+            evolution.learn(&drawn.iter().collect::<Vec<_>>());
+        }
+        let near = |found: &[f64], expected: &[f64]| {
+            let mut pairs = found.iter().zip(expected);
+            let is_near = pairs.all(|(a, b)| (a - b).abs() < 1e-12 * b.abs().max(1.0));
+            assert!(is_near, "{found:?}, not {expected:?}");
+        };
+        near(&evolution.mean, &[1.172525153425287, 0.9736752098106808]);
+        near(&[evolution.step], &[0.4993124104998094]);
+        near(
+            &evolution.covariance,
+            &[1.4684927202516516, 0.4869317507350123, 0.4869317507350123, 1.0687642458670905],
+        );
+        near(&evolution.step_path, &[4.334459520190736, 4.551758766805436]);
+        near(&evolution.path, &[-0.16261340062456447, 0.14666411024719792]);
+    }
+
+    /// A search is over where no coordinate's spread is a ten-thousandth of the cube any more.
+    #[test]
+    fn a_search_is_over_once_all_its_spreads_are_small() {
+        let mut evolution = Evolution::new(vec![0.5; 2], 1);
+        assert!(!evolution.is_over());
+        evolution.step = 0.9e-4;
+        assert!(evolution.is_over());
+        evolution.covariance = vec![0.01, 0.0, 0.0, 1.3];
+        assert!(!evolution.is_over());
+        evolution.step = f64::NAN;
+        assert!(evolution.is_over());
+    }
+
+    /// What is drawn has the covariance of the search, about its mean.
+    #[test]
+    fn candidates_are_drawn_with_the_covariance() {
+        let mut evolution = Evolution::new(vec![0.5, 0.5], 4000);
+        evolution.step = 0.05;
+        evolution.covariance = vec![1.0, 0.6, 0.6, 2.0];
+        evolution.factor = factored(&evolution.covariance, 2);
+        let drawn = evolution.draw(&mut ChaCha8Rng::seed_from_u64(1));
+        assert_eq!(drawn.len(), 24_000);
+        let count = 24_000.0;
+        let mean = |of: &dyn Fn(&Drawn) -> f64| drawn.iter().map(of).sum::<f64>() / count;
+        // Four standard errors: 0.05 sqrt(2 / 24000) and 0.05^2 2 sqrt(2 / 24000).
+        for i in 0..2 {
+            assert!((mean(&|of| of.point[i]) - 0.5).abs() < 2e-3);
+            for j in 0..2 {
+                let found = mean(&|of| (of.point[i] - 0.5) * (of.point[j] - 0.5));
+                let expected = 0.0025 * evolution.covariance[2 * i + j];
+                assert!((found - expected).abs() < 2e-4, "{i} {j}: {found}, not {expected}");
+            }
+        }
+        assert!(drawn.iter().all(|of| of.place.iter().all(|v| (0.0..=1.0).contains(v))));
+    }
 }
