@@ -145,3 +145,74 @@ impl fmt::Display for DomainCertificate {
         f.write_str("\nthe search is not over: --resume continues it")
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn by_name(values: &[(&str, f64)]) -> ByName {
+        values.iter().map(|(name, value)| ((*name).to_owned(), *value)).collect()
+    }
+
+    fn domain() -> DomainCertificate {
+        DomainCertificate {
+            proven: by_name(&[("h", 3e-4)]),
+            found: by_name(&[("h", 1.5e-4), ("v", 2e-5)]),
+            at: BTreeMap::new(),
+            unproven_volume: 0.0,
+            complete: true,
+            leaves: 5,
+            boxes: 9,
+            ends: BTreeMap::new(),
+        }
+    }
+
+    fn certificate() -> CertificateMetrics {
+        let quantile = [("h".to_owned(), Some(1e-3)), ("v".to_owned(), None)].into();
+        CertificateMetrics {
+            experiment: "tank".to_owned(),
+            model: "the net".to_owned(),
+            step_s: 0.5,
+            points: 1000,
+            seed: 1,
+            unproven_points: 3,
+            bound_over_error_median: Some(1.25),
+            estimate_difference_median: Some(0.001),
+            estimate_difference_p99: Some(0.02),
+            quantiles: [("0.99".to_owned(), quantile)].into(),
+            confidence: 0.95,
+            refused: None,
+            domain: Some(domain()),
+        }
+    }
+
+    /// Each number is said with what it is of: ratios as bound over error, shares in percent.
+    #[test]
+    fn a_certificate_says_what_is_proven_and_what_is_likely() {
+        assert_eq!(
+            certificate().to_string(),
+            "tank: one step of 0.5 s of the net\n1000 points, 3 without a bound; median of bound over \
+             error 1.250\nthe estimate differs from the error by 0.10 % of it (median), 2.0 % (99th \
+             percentile)\nh: 0.99 of all errors are below 1.000e-3, with 95 % confidence \
+             (statistical)\nh: proven at most 3.000e-4 over the domain, found 1.500e-4 (ratio 2.000)\n\
+             v: nothing proven, found 2.000e-5"
+        );
+        let part = DomainCertificate { unproven_volume: 0.0125, complete: false, ..domain() };
+        assert_eq!(
+            part.to_string(),
+            "\nh: proven at most 3.000e-4 where anything is proven, found 1.500e-4\n\
+             v: nothing proven, found 2.000e-5\nnothing is proven in 1.250 % of the domain's \
+             volume\nthe search is not over: --resume continues it"
+        );
+        let refused = CertificateMetrics {
+            refused: Some("a kink".to_owned()),
+            points: 0,
+            quantiles: BTreeMap::new(),
+            domain: None,
+            ..certificate()
+        };
+        assert_eq!(refused.to_string(), "tank: one step of 0.5 s of the net\nno proof: a kink");
+        let read: CertificateMetrics = serde_json::from_str(&certificate().to_json()).unwrap();
+        assert_eq!(read, certificate());
+    }
+}

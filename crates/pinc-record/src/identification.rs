@@ -458,4 +458,57 @@ mod tests {
         let alone = of("converged", &[(Some(2.0), "converged"), (Some(2.1), "converged")]);
         assert!(alone.ends_with("more of them may find a better minimum"), "{alone}");
     }
+
+    /// Parameters have their intervals, weights of a net are summed up, states at the beginning have
+    /// their file where there are several.
+    #[test]
+    fn a_result_is_said_in_a_few_lines() {
+        let estimate = |value, half_width_95| EstimateMetrics { value, half_width_95 };
+        let parameter = |name: &str, value, width| {
+            let estimate = estimate(value, width);
+            let of =
+                ParameterMetrics { estimate, initial: 0.0, low: None, high: None, at_bound: None };
+            (name.to_owned(), of)
+        };
+        let parameters = [
+            parameter("k", 2.0, Some(0.125)),
+            parameter("m", 3.0, None),
+            parameter("law[1]", 3.0, None),
+            parameter("law[2]", 4.0, None),
+        ];
+        let state = |file: &str| InitialStateMetrics {
+            file: file.to_owned(),
+            states: [("h".to_owned(), estimate(5.0, Some(0.5)))].into(),
+        };
+        let rms = [("h".to_owned(), 0.25)].into();
+        let held_out = HeldOutMetrics { file: "c.csv".to_owned(), fitted_rows: 3, rms };
+        let result = IdentificationMetrics {
+            parameters: parameters.into(),
+            nets: vec!["law".to_owned()],
+            initial_states: vec![state("a.csv")],
+            held_out: vec![held_out],
+            status: "converged".to_owned(),
+            method: "single shooting".to_owned(),
+            reason: "short".to_owned(),
+            findings: vec!["one".to_owned()],
+            ..metrics()
+        };
+        let said = result.to_string();
+        assert!(said.starts_with("rk4: converged from a single start ("), "{said}");
+        let lines: Vec<&str> = said.lines().skip(1).collect();
+        let expected = [
+            "  k = 2.000000 +- 1.25e-1",
+            "  m = 3.000000, without an interval",
+            "  h(0) = 5.000000 +- 5.00e-1",
+            "  law: 2 weights of 3.536 rms",
+            "  h of c.csv, held out: error 0.2500 rms",
+            "note: one",
+        ];
+        assert_eq!(lines, expected);
+        let several = IdentificationMetrics {
+            initial_states: vec![state("a.csv"), state("b.csv")],
+            ..result
+        };
+        assert!(several.to_string().contains("\n  h(0) of b.csv = 5.000000 +- 5.00e-1"));
+    }
 }

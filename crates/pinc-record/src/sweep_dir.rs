@@ -324,4 +324,52 @@ mod tests {
             assert_eq!(fs::read_to_string(whole.net("n").join(name)).unwrap(), "right");
         }
     }
+
+    /// A result that was cut off when the machine stopped is none, and is written anew.
+    #[test]
+    fn a_damaged_result_is_none() {
+        let dir = tempfile::tempdir().unwrap();
+        let sweep = SweepDir::of(dir.path());
+        let finished = crate::search::tests::finished(2.0);
+        for id in ["a", "b"] {
+            sweep.begin(id).unwrap();
+            sweep.finish(id, &finished).unwrap();
+        }
+        fs::create_dir_all(sweep.net("n")).unwrap();
+        fs::write(sweep.net("n").join(file::METRICS), "{}").unwrap();
+        sweep.begin("c").unwrap();
+        assert_eq!(sweep.results(), (2, 1));
+        assert_eq!(sweep.finished("a").unwrap().as_ref(), Some(&finished));
+        assert_eq!(sweep.finished("c").unwrap(), None);
+        let text = fs::read_to_string(sweep.trial("b").join(RESULT)).unwrap();
+        fs::write(sweep.trial("b").join(RESULT), &text[..text.len() / 2]).unwrap();
+        assert_eq!(sweep.finished("b").unwrap(), None);
+        // What an attempt left is gone when the next begins.
+        fs::write(sweep.trial("b").join("trace.csv"), "t").unwrap();
+        let place = sweep.begin("b").unwrap();
+        assert_eq!(fs::read_dir(place).unwrap().count(), 0);
+        sweep.clear().unwrap();
+        assert_eq!(sweep.results(), (0, 0));
+    }
+
+    /// A process that has said nothing for a minute is not at work.
+    #[test]
+    fn notes_are_fresh_for_a_minute() {
+        let dir = tempfile::tempdir().unwrap();
+        let sweep = SweepDir::of(dir.path());
+        let note = WorkerNote {
+            at_s: 100.0,
+            lanes: 1,
+            trained: 2.0,
+            trained_s: 3.0,
+            trials: 4.0,
+            trials_s: 5.0,
+        };
+        sweep.write_note("host-1", &note).unwrap();
+        let _claim = sweep.claim("part", 1).unwrap().unwrap();
+        assert_eq!(sweep.notes(), std::slice::from_ref(&note));
+        assert!(note.is_fresh(159.0) && !note.is_fresh(161.0));
+        sweep.remove_note("host-1");
+        assert_eq!(sweep.notes(), []);
+    }
 }

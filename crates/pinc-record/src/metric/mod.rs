@@ -11,7 +11,7 @@ use crate::metrics::{
 use pinc_config::ModelKind;
 
 #[cfg(test)]
-mod tests;
+pub(crate) mod tests;
 
 pub use crate::metrics::{control::rows::*, net::rows::*, one_step::rows::*};
 

@@ -42,6 +42,21 @@ fn model_of(metric: &Metric) -> Option<ModelKind> {
     metric.is_of_models().then_some(ModelKind::RK5)
 }
 
+/// A run in which all numbers are 1, but for these.
+pub(crate) fn run(numbers: &[(&Metric, f64)]) -> Metrics {
+    let mut json = base();
+    json["control"][0]["model"] = json!("rk4");
+    for metric in Metric::all().filter(|of| !of.path.is_empty() && of.unit != Unit::Name) {
+        let special = numbers.iter().find(|(other, _)| *other == metric);
+        *place(&mut json, metric) = match (special, metric.digits) {
+            (Some((_, number)), _) => json!(number),
+            (None, 0) => json!(1),
+            (None, _) => json!(1.0),
+        };
+    }
+    serde_json::from_value(json).unwrap()
+}
+
 /// A whole number for each row, so that counts can be read.
 #[test]
 fn each_row_has_the_number_at_its_place() {

@@ -398,4 +398,58 @@ mod tests {
         let said = "2 of 5 plans do not keep the bounds of the tube, the first in step 2: ";
         assert!(found(&[true, true, false, true, false]).starts_with(said));
     }
+
+    /// A loop with these statuses, offsets from two references and shares of broken bounds.
+    fn of(status: serde_json::Value, offsets: [Option<f64>; 2], shares: &[f64]) -> ControlMetrics {
+        let violation = |share: &f64| {
+            serde_json::json!({
+                "of": "h", "unit": "cm", "side": "low", "bound": 1.0, "hard": true, "amount": 1.0,
+                "time_s": 0.0, "at_steps": 0.0, "share": share,
+            })
+        };
+        let violations: Vec<_> = shares.iter().map(violation).collect();
+        serde_json::from_value(serde_json::json!({
+            "model": "rk4", "wall_s": { "mean": 1.0, "sd": 0.0, "median": 1.0, "runs": 1 },
+            "step_us": { "p50": 1.0, "p99": 1.0, "max": 1.0 }, "sqp_iterations_mean": 1.0,
+            "rmse": 0.0, "iae": 0.0, "rmse_dense": 0.0, "iae_dense_sum": 0.0, "kkt_max": 0.0,
+            "max_violation": 0.0, "status": status, "reference_start_s": [0.0, 10.0],
+            "offset": { "h": offsets, "v": [0.25, null] }, "violations": violations,
+        }))
+        .unwrap()
+    }
+
+    /// A step that ended in time, with a plan of whole inputs, or with another plan on purpose did
+    /// not fail; one that is not known did.
+    #[test]
+    fn steps_fail_by_their_status() {
+        let fine = ["converged", "rounded", "prepared", "kept", "replaced", "deadline"];
+        let bad = ["iteration-limit", "infeasible-qp", "numerical-trouble", "stalled", "new"];
+        for status in fine {
+            assert!(!is_failure(status), "{status}");
+        }
+        for status in bad {
+            assert!(is_failure(status), "{status}");
+        }
+        let status = serde_json::json!({ "converged": 5, "replaced": 2, "stalled": 3, "new": 4 });
+        let of = of(status, [None; 2], &[]);
+        assert_eq!((of.steps(), of.failed_steps()), (14, 7));
+    }
+
+    /// The largest of all counts, not their sum nor the last.
+    #[test]
+    fn the_worst_bound_and_the_largest_offset_count() {
+        let found = |offsets, shares: &[f64]| {
+            let of = of(serde_json::json!({}), offsets, shares);
+            format!("{:?}", [of.violation_share(), of.references.largest_offset()])
+        };
+        assert_eq!(found([Some(0.125), None], &[0.01, 0.5, 0.2]), "[0.5, 0.25]");
+        assert_eq!(found([Some(0.5), Some(0.75)], &[]), "[0.0, 0.75]");
+    }
+
+    #[test]
+    fn a_first_plan_says_which_start_gave_it() {
+        let said = |starts, best| FirstPlanMetrics { starts, best }.to_string();
+        assert_eq!(said(4, 0), "no other of 4 starts gives a cheaper first plan");
+        assert_eq!(said(4, 2), "start 2 of 0 to 3 gives the first plan");
+    }
 }

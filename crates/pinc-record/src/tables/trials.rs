@@ -255,4 +255,61 @@ mod tests {
             }
         }
     }
+
+    /// Each trial has its row with its hash, its values, its numbers and how it stands; a table that
+    /// an older version wrote may lack a metric, but none of the rest.
+    #[test]
+    fn a_table_of_trials_says_how_each_stands() {
+        use crate::metric::{IAE_DENSE_SUM, MAX_VIOLATION};
+        let experiment = crate::search::tests::experiment(&[]);
+        let trials = trials(&experiment).unwrap();
+        let sweep = experiment.sweep.as_ref().unwrap();
+        let columns = TrialColumn::of_sweep(&experiment, sweep, &[ModelKind::RK4]);
+        let finished = |ending| {
+            let iae = crate::search::tests::finished(2.5);
+            Some(Finished { ending, ..iae })
+        };
+        let failed = Ending::Failed { error: "it fell, twice".to_owned() };
+        let results = [finished(Ending::Done), finished(failed), None, None];
+        let standing =
+            [Eligibility::Open, Eligibility::Open, Eligibility::Waiting, Eligibility::Dropped];
+        let four = &trials[..4];
+        let table = TrialTable::new(columns.clone(), sweep, four, &results, &standing);
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("sweep.csv");
+        std::fs::write(&path, table.to_csv().as_bytes()).unwrap();
+        let read = TrialTable::read(&path, columns.clone()).unwrap().unwrap();
+        assert_eq!(read, table);
+        let statuses = ["done", "failed", "pending", "dropped"];
+        let metric = IAE_DENSE_SUM.with(ModelKind::RK4);
+        for (i, status) in statuses.into_iter().enumerate() {
+            assert_eq!(read.cell(i, &TrialColumn::Status), status);
+            assert_eq!(TrialStatus::of(status).name(), status);
+            assert_eq!(read.cell(i, &TrialColumn::Trial), trials[i].id);
+            let key = TrialColumn::Choice("control.r.0".to_owned());
+            let place = pinc_config::columns(sweep).iter().position(|name| name == "control.r.0");
+            assert_eq!(read.cell(i, &key), trials[i].cells[place.unwrap()]);
+            let error = if status == "failed" { "it fell, twice" } else { "" };
+            assert_eq!(read.cell(i, &TrialColumn::Error), error);
+            // What a failed trial got to is there too.
+            assert_eq!(read.number(i, metric).is_nan(), results[i].is_none());
+        }
+        assert!((read.number(0, metric) - 2.5).abs() < 1e-15);
+        assert_eq!(TrialStatus::of("anything"), TrialStatus::Failed);
+
+        let column = TrialColumn::Metric(metric);
+        let other = TrialColumn::Metric(MAX_VIOLATION.with(ModelKind::RK4));
+        let write = |head: &str, row: &str| {
+            std::fs::write(&path, format!("{head}\n{row}\n")).unwrap();
+            TrialTable::read(&path, vec![TrialColumn::Trial, other.clone(), column.clone()])
+        };
+        let older = write("rk4_iae_dense_sum,trial", "4.5,abc").unwrap().unwrap();
+        assert!(!older.has(&other) && older.has(&column));
+        assert_eq!((older.len(), older.cell(0, &TrialColumn::Trial)), (1, "abc"));
+        assert!((older.number(0, metric) - 4.5).abs() < 1e-15);
+        let said = write("rk4_iae_dense_sum,name", "4.5,abc").unwrap_err().to_string();
+        assert!(said.contains("sweep.csv:1: no column `trial`"), "{said}");
+        let said = write("trial,rk4_iae_dense_sum", "abc,many").unwrap_err().to_string();
+        assert!(said.contains("sweep.csv:2: column `rk4_iae_dense_sum`"), "{said}");
+    }
 }
