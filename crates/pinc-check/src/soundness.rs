@@ -248,4 +248,24 @@ mod tests {
         assert_eq!(wrong, "wrong by 0.0102 of the region's width in a step");
         assert!(objection(f64::NAN).is_some());
     }
+
+    /// A model is unsound if a step is unstable or wrong by more than a hundredth of the box, or has
+    /// no finite end.
+    #[test]
+    fn an_objection_names_what_is_unsound() {
+        let of = |unstable: usize, rms: Option<f64>| {
+            let error = rms.map(|rms| RmsError { rms, uncertainty: 0.1 });
+            Soundness { unstable, examined: 200, error, region_name: "the box" }.objection()
+        };
+        assert_eq!([of(0, None), of(0, Some(0.0099))], [None, None]);
+        let unstable = "unstable at 3 of 200 random points of the box";
+        assert_eq!(of(3, Some(1e-5)).unwrap(), unstable);
+        let wrong = "wrong by 0.0125 of the region's width in a step";
+        assert_eq!(of(0, Some(0.0125)).unwrap(), wrong);
+        assert_eq!(of(3, Some(0.0125)).unwrap(), format!("{unstable} and {wrong}"));
+        for none in [f64::NAN, f64::INFINITY] {
+            let said = of(0, Some(none)).unwrap();
+            assert_eq!(said, "without a finite step somewhere in the region");
+        }
+    }
 }

@@ -1,5 +1,9 @@
 //! Numbers in findings, and from which numbers on there is one, on plants whose answers are known.
 
+mod boxes;
+mod horizons;
+mod loops;
+
 use crate::Severity::{self, Fact, Warning};
 use crate::{Evidence, Finding, Metered, ReadMeasurements, Subject, Work, check, region, rest};
 use pinc_config::{Experiment, Plants};
@@ -20,6 +24,23 @@ fn findings_beside(
 ) -> Vec<Finding> {
     let experiment = experiment(derivatives, sets);
     check(&*experiment.plant.dyn_plant(), &experiment, &evidence(read))
+}
+
+/// The findings of one examination of the same plant and loop.
+fn findings_of(examine: Examine, derivatives: [&str; 2], sets: &[&str]) -> Vec<Finding> {
+    let evidence = evidence(&|_| Err("no files".to_owned()));
+    examined(examine, &experiment(derivatives, sets), &evidence)
+}
+
+type Examine = fn(&Subject<'_>) -> Vec<Finding>;
+
+/// The findings of one examination beside what else was found.
+fn examined(examine: Examine, experiment: &Experiment, evidence: &Evidence<'_>) -> Vec<Finding> {
+    let plant = experiment.plant.dyn_plant();
+    let metered = Metered::new(&*plant, experiment, &evidence.work);
+    evidence.work.begin();
+    let region = region::of(experiment, plant.dims()).unwrap();
+    examine(&Subject::new((&*plant, &metered), experiment, region, evidence))
 }
 
 /// What a check is given where nothing was run.
