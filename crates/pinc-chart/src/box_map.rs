@@ -125,7 +125,9 @@ impl BoxMap<'_> {
         let filled = || cells.iter().filter(|(_, number)| *number > 0.0);
         let (sum, number) = filled().fold((0.0, 0.0), |all, cell| (all.0 + cell.0, all.1 + cell.1));
         let mean = sum / number;
-        filled().map(|(sum, number)| number * (sum / number - mean).powi(2)).sum()
+        let squares = filled().map(|(sum, number)| number * (sum / number - mean).powi(2));
+        // A box touches more cells over the variables that it is long in.
+        squares.sum::<f64>() / f64::max(number, 1.0)
     }
 
     /// The largest value of the boxes that touch each cell of a grid over two variables, row by row;
@@ -201,5 +203,68 @@ mod tests {
         assert_eq!((figure.panels[0].areas.len(), places), (1, [0, 1]));
         let alone = BoxMap { variables: &variables[..1], preferred: 1, ..map };
         assert!(alone.figure().is_none());
+    }
+
+    /// Where boxes lie over one another in the map, the largest value is shown, whatever their order;
+    /// the first cell is the lowest on the left.
+    #[test]
+    fn a_cell_shows_the_largest_value_at_its_place() {
+        let domain = [[0.0, 4.0], [10.0, 30.0], [0.0, 1.0]];
+        let part = |x: [f64; 2], y: [f64; 2], u: [f64; 2], value: f64| ValuedBox {
+            ends: vec![x, y, u],
+            value: Some(value),
+        };
+        let mut boxes = vec![
+            part([0.0, 2.0], [10.0, 20.0], [0.0, 0.5], 1e-3),
+            part([0.0, 2.0], [10.0, 20.0], [0.5, 1.0], 1e-1),
+            part([2.0, 4.0], [20.0, 30.0], [0.0, 1.0], 1e-2),
+        ];
+        let variables = ["x", "y", "u"].map(str::to_owned);
+        for _ in 0..2 {
+            let map = BoxMap {
+                labels: MapLabels { title: "map", value: "log", unknown: "not known" },
+                variables: &variables,
+                preferred: 2,
+                domain: &domain,
+                boxes: &boxes,
+                cells: 2,
+                mark: None,
+            };
+            let (figure, places) = map.figure().unwrap();
+            assert_eq!(places, [0, 1]);
+            let areas = &figure.panels[0].areas;
+            let found: Vec<_> = areas.iter().map(|area| (area.x, area.y, area.value)).collect();
+            let expected =
+                [((0.0, 2.0), (10.0, 20.0), Some(-1.0)), ((2.0, 4.0), (20.0, 30.0), Some(-2.0))];
+            assert_eq!(found, expected);
+            boxes.reverse();
+        }
+    }
+
+    /// The map is over the two variables along which the values differ most, though boxes that are
+    /// long in another one touch more cells over that.
+    #[test]
+    fn a_map_is_over_the_variables_that_matter() {
+        let domain = [[0.0, 1.0]; 3];
+        let halves = [[0.0, 0.5], [0.5, 1.0]];
+        let mut boxes = Vec::new();
+        for (i, y) in halves.into_iter().enumerate() {
+            for (j, z) in halves.into_iter().enumerate() {
+                let value = Some(10.0_f64.powi(-i32::try_from(3 * i + j).unwrap()));
+                boxes.push(ValuedBox { ends: vec![[0.0, 1.0], y, z], value });
+            }
+        }
+        let variables = ["x", "y", "z"].map(str::to_owned);
+        let map = BoxMap {
+            labels: MapLabels { title: "map", value: "log", unknown: "not known" },
+            variables: &variables,
+            preferred: 3,
+            domain: &domain,
+            boxes: &boxes,
+            cells: 4,
+            mark: None,
+        };
+        let (_, places) = map.figure().unwrap();
+        assert_eq!(places, [1, 2]);
     }
 }
