@@ -110,4 +110,14 @@ mod tests {
         assert_eq!(graded(0.0).contrary(), WHITE);
         assert_eq!(graded(1.0).contrary(), BLACK);
     }
+
+    /// Both contrasts are equal at a luminance of 0.179: that of the grey 118.
+    #[test]
+    fn letters_have_the_colour_of_the_greater_contrast() {
+        let grey = |channel: u8| Color(channel, channel, channel);
+        assert_eq!([grey(115), grey(121)].map(Color::contrary), [WHITE, BLACK]);
+        // Green is lighter than red, and red than blue.
+        assert_eq!(Color(0, 150, 0).contrary(), BLACK);
+        assert_eq!([Color(150, 0, 0), Color(0, 0, 255)].map(Color::contrary), [WHITE; 2]);
+    }
 }

@@ -330,3 +330,172 @@ fn draw_key(canvas: &mut Canvas, PlacedKey { key, left, y }: &PlacedKey<'_>) {
     }
     canvas.word(&key.label, (left + SWATCH + 6.0, *y), &LABEL);
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::color::{AMBER, BLUE, Color, GREEN, GREY, PURPLE};
+    use crate::figure::{Axis, Event};
+    use crate::scale::Kind;
+    use crate::svg::Fill;
+
+    /// A figure with one panel from 0 to 10 across and from 0 to 100 upwards, its frame, and what is
+    /// drawn.
+    fn drawn(change: impl FnOnce(&mut Figure)) -> (Frame, String) {
+        let y = Axis::ranged("height", Kind::Linear, (0.0, 100.0));
+        let x = Axis::ranged("time", Kind::Linear, (0.0, 10.0));
+        let mut panel = Panel::new("", y, 200.0);
+        panel.add("diagonal", vec![(0.0, 0.0), (5.0, 50.0), (10.0, 100.0)], line(BLUE));
+        let mut figure = Figure::stack("figure", x, vec![panel]);
+        change(&mut figure);
+        let frame = Layout::of(&figure).unwrap().panels[0].frame;
+        (frame, figure.svg().unwrap())
+    }
+
+    fn line(color: Color) -> Style {
+        Style::new(color, Shape::Line(1.8))
+    }
+
+    fn attribute<'a>(element: &'a str, name: &str) -> &'a str {
+        let from = element.find(&format!(" {name}=\"")).expect(name) + name.len() + 3;
+        element[from..].split('"').next().unwrap()
+    }
+
+    fn number(element: &str, name: &str) -> f64 {
+        attribute(element, name).parse().unwrap()
+    }
+
+    /// The elements of a kind and colour.
+    fn elements<'a>(svg: &'a str, kind: &str, color: Color) -> Vec<&'a str> {
+        let (begin, color) = (format!("<{kind} "), color.hex());
+        svg.lines().filter(|of| of.starts_with(&begin) && of.contains(&color)).collect()
+    }
+
+    /// The corners of the lines of a colour.
+    fn lines(svg: &str, color: Color) -> Vec<Vec<Point>> {
+        let corner = |text: &str| {
+            let (x, y) = text.split_once(',').unwrap();
+            (x.parse().unwrap(), y.parse().unwrap())
+        };
+        let of = |element: &&str| attribute(element, "points").split(' ').map(corner).collect();
+        elements(svg, "polyline", color).iter().map(of).collect()
+    }
+
+    /// The place of a word.
+    fn word(svg: &str, text: &str) -> Point {
+        let end = format!(">{text}</text>");
+        let found: Vec<&str> = svg.lines().filter(|of| of.ends_with(&end)).collect();
+        let [element] = found[..] else { panic!("{text}: {found:?}") };
+        (number(element, "x"), number(element, "y"))
+    }
+
+    /// Pixels are rounded to tenths.
+    fn assert_near(found: &[Point], expected: &[Point]) {
+        let is_near = |(a, b): (&Point, &Point)| (a.0 - b.0).abs() + (a.1 - b.1).abs() < 0.11;
+        let are_near = found.len() == expected.len() && found.iter().zip(expected).all(is_near);
+        assert!(are_near, "{found:?}, not {expected:?}");
+    }
+
+    /// Small values are on the left and below, large ones on the right and above; so are the labels
+    /// of the ticks. The line between needs no corner.
+    #[test]
+    fn values_grow_to_the_right_and_upwards() {
+        let (frame, svg) = drawn(|_| {});
+        let [curve] = &lines(&svg, BLUE)[..] else { panic!("{svg}") };
+        assert_near(curve, &[(frame.left, frame.bottom()), (frame.right(), frame.top)]);
+        let (low, high) = (word(&svg, "20"), word(&svg, "80"));
+        // Words stand by 0.35 of their size below their middle.
+        let below = 0.35 * TICK.size;
+        let at = |part: f64| frame.bottom() - part * frame.height + below;
+        assert_near(&[low, high], &[(frame.left - 8.0, at(0.2)), (frame.left - 8.0, at(0.8))]);
+        let (left, right) = (word(&svg, "2"), word(&svg, "8"));
+        assert!((left.0 - (frame.left + 0.2 * frame.width)).abs() < 0.11, "{left:?}");
+        assert!((right.0 - (frame.left + 0.8 * frame.width)).abs() < 0.11, "{right:?}");
+        assert!(left.1 > frame.bottom() && svg.contains("<desc>Panel, height over time.</desc>"));
+    }
+
+    /// A limit within the panel is a line over its whole width; one beyond is not there.
+    #[test]
+    fn limits_are_drawn_where_they_are() {
+        let (frame, svg) = drawn(|figure| {
+            figure.panels[0].limits = vec![25.0, 150.0, -10.0];
+            figure.panels[0].uprights = vec![7.5, 11.0];
+        });
+        let y = frame.bottom() - 0.25 * frame.height;
+        let x = frame.left + 0.75 * frame.width;
+        let found = lines(&svg, GREY);
+        assert_eq!(found.len(), 2, "{found:?}");
+        assert_near(&found[0], &[(x, frame.top), (x, frame.bottom())]);
+        assert_near(&found[1], &[(frame.left, y), (frame.right(), y)]);
+    }
+
+    /// An area lies between its ends, as far as they are in the panel; words too high for it stand on
+    /// it.
+    #[test]
+    fn areas_lie_between_their_ends() {
+        let area = |y: (f64, f64), color| Area {
+            name: String::new(),
+            x: (8.0, 2.0),
+            y,
+            fill: Fill::solid(color),
+            value: None,
+            text: format!("{:?}", y.0),
+        };
+        let (frame, svg) = drawn(|figure| {
+            let areas =
+                [area((20.0, 60.0), AMBER), area((0.0, 1.0), GREEN), area((90.0, 300.0), PURPLE)];
+            figure.panels[0].areas = areas.to_vec();
+        });
+        let rect = |color| {
+            let [of] = elements(&svg, "rect", color)[..] else { panic!("{svg}") };
+            let [x, y, width, height] = ["x", "y", "width", "height"].map(|name| number(of, name));
+            [(x, y), (x + width, y + height)]
+        };
+        let corner = |x: f64, y: f64| {
+            (frame.left + 0.1 * x * frame.width, frame.bottom() - 0.01 * y * frame.height)
+        };
+        let ends = |low, high| [corner(2.0, high), corner(8.0, low)];
+        for (color, low, high) in [(AMBER, 20.0, 60.0), (GREEN, 0.0, 1.0), (PURPLE, 90.0, 100.0)] {
+            let (found, expected) = (rect(color), ends(low, high));
+            let off =
+                found.iter().zip(expected).map(|(a, b)| (a.0 - b.0).abs().max((a.1 - b.1).abs()));
+            assert!(off.fold(0.0, f64::max) < 0.21, "{found:?}, not {expected:?}");
+        }
+        let middle = corner(5.0, 40.0);
+        assert_near(&[word(&svg, "20.0")], &[(middle.0, middle.1 + 0.35 * TICK.size)]);
+        let on = corner(5.0, 1.0).1 - 0.5 * LINE + 0.35 * TICK.size;
+        assert!((word(&svg, "0.0").1 - on).abs() < 0.11, "{:?}", word(&svg, "0.0"));
+    }
+
+    /// A span is a line with a bar at each end, which ends at the frame.
+    #[test]
+    fn spans_have_bars_at_their_ends() {
+        let (frame, svg) = drawn(|figure| {
+            let span = |x| Span { name: String::new(), x, y: (30.0, 140.0), color: GREEN };
+            figure.panels[0].spans = vec![span(5.0), span(12.0)];
+        });
+        let x = frame.left + 0.5 * frame.width;
+        let (low, high) = (frame.bottom() - 0.3 * frame.height, frame.top);
+        let found = lines(&svg, GREEN);
+        assert_eq!(found.len(), 3, "{found:?}");
+        assert_near(&found[0], &[(x, low), (x, high)]);
+        assert_near(&found[1], &[(x - CAP, low), (x + CAP, low)]);
+        assert_near(&found[2], &[(x - CAP, high), (x + CAP, high)]);
+    }
+
+    /// The word of an event stands beside its line, above the panel; near the right edge on the left
+    /// of it.
+    #[test]
+    fn events_are_named_beside_their_lines() {
+        let (frame, svg) = drawn(|figure| {
+            let event = |x: f64, label: &str| Event::minor(x, label.to_owned());
+            figure.events =
+                vec![event(4.0, "begin"), event(9.9, "the long end"), event(20.0, "never")];
+        });
+        let at = |part: f64| frame.left + part * frame.width;
+        let (begin, end) = (word(&svg, "begin"), word(&svg, "the long end"));
+        assert!((begin.0 - at(0.4) - 4.0).abs() < 0.11 && (end.0 - at(0.99) + 4.0).abs() < 0.11);
+        assert!(begin.1 < frame.top && end.1 < frame.top);
+        assert!(svg.contains("text-anchor=\"end\"") && !svg.contains("never"));
+    }
+}

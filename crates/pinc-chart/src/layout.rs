@@ -293,3 +293,86 @@ pub(crate) fn ticks_across(width: f64) -> usize {
 pub(crate) fn small(count: usize) -> f64 {
     count as f64
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::color::BLUE;
+    use crate::figure::Look;
+    use crate::scale::Kind;
+    use crate::svg::{Shape, Style};
+
+    fn panel(title: &str, height: f64) -> Panel {
+        let mut panel = Panel::new(title, Axis::new("y", Kind::Linear), height);
+        panel.add("curve", vec![(0.0, 1.0), (1.0, 2.0)], Style::new(BLUE, Shape::Line(1.0)));
+        panel
+    }
+
+    fn own_axis(title: &str) -> Panel {
+        Panel { x: Some(Axis::new("own", Kind::Linear)), ..panel(title, 50.0) }
+    }
+
+    /// Columns have their shares of what the margins leave, and end where the page does.
+    #[test]
+    fn columns_share_the_width() {
+        let x = Axis::new("x", Kind::Linear);
+        let panels = ["a", "b", "c"].map(|title| panel(title, 100.0)).to_vec();
+        let figure = Figure::grid("grid", x, vec![3.0, 1.0], panels);
+        let layout = Layout::of(&figure).unwrap();
+        let frames: Vec<Frame> = layout.panels.iter().map(|placed| placed.frame).collect();
+        assert!((frames[0].width - 3.0 * frames[1].width).abs() < 1e-9, "{frames:?}");
+        assert!((frames[1].right() - (WIDTH - RIGHT)).abs() < 1e-9, "{frames:?}");
+        assert!(frames[1].left > frames[0].right() + 50.0, "{frames:?}");
+        assert!((frames[2].left - frames[0].left).abs() < 1e-9);
+        assert!((frames[2].width - frames[0].width).abs() < 1e-9);
+        assert!((frames[1].top - frames[0].top).abs() < 1e-9 && frames[2].top > frames[0].bottom());
+        assert!(layout.height > frames[2].bottom() + 20.0);
+    }
+
+    /// The axis below is drawn once for the panels that share it, and for each that has its own; below
+    /// a note there is none.
+    #[test]
+    fn the_last_panel_has_the_axis_below() {
+        let note =
+            Panel { note: Some("nothing".to_owned()), series: Vec::new(), ..panel("note", 30.0) };
+        let panels = vec![panel("a", 50.0), own_axis("b"), panel("c", 50.0), note];
+        let figure = Figure::stack("stack", Axis::new("x", Kind::Linear), panels);
+        let layout = Layout::of(&figure).unwrap();
+        let feet: Vec<bool> = layout.panels.iter().map(|placed| placed.foot).collect();
+        assert_eq!(feet, [false, true, true, false]);
+        let between = |i: usize| layout.panels[i + 1].frame.top - layout.panels[i].frame.bottom();
+        assert!(between(1) > between(0) + 10.0, "room for the axis of b");
+        let heights: Vec<f64> = layout.panels.iter().map(|placed| placed.frame.height).collect();
+        assert_eq!(format!("{heights:?}"), "[50.0, 50.0, 50.0, 30.0]");
+    }
+
+    /// Keys stand in rows that end before the right edge; a row begins on the left.
+    #[test]
+    fn keys_stand_within_the_page() {
+        let key = |i: usize| Key {
+            label: format!("a key with a long name {i}"),
+            look: Look::Curve(Style::new(BLUE, Shape::Line(1.0))),
+        };
+        let keys: Vec<Key> = (0..12).map(key).collect();
+        let (placed, rows) = placed_keys(&keys, 100.0, (50.0, 900.0), 4.0);
+        let width = SWATCH + 6.0 + svg::width_of(&keys[0].label, LABEL.size);
+        let mut expected = 100.0;
+        let mut row = 0.0;
+        for of in &placed {
+            if expected + width > 900.0 {
+                (expected, row) = (50.0, row + 1.0);
+            }
+            let slack = 1.5 * LABEL.size;
+            assert!((of.left - expected).abs() < slack, "{} {expected}", of.left);
+            assert!(of.left + width <= 900.0 + slack);
+            assert!((of.y - (4.0 + ROW * (row + 0.5))).abs() < 1e-9);
+            expected = of.left + svg::width_of(&of.key.label, LABEL.size) + SWATCH + 26.0;
+        }
+        assert!(row > 2.0 && (rows - (row + 1.0)).abs() < 1e-12, "{rows}");
+        // One that is wider than the page has a row for itself.
+        let (placed, rows) = placed_keys(&keys[..2], 50.0, (50.0, 60.0), 0.0);
+        assert!(
+            (rows - 2.0).abs() < 1e-12 && placed.iter().all(|of| (of.left - 50.0).abs() < 1e-9)
+        );
+    }
+}

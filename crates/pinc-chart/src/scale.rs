@@ -305,4 +305,28 @@ mod tests {
         assert!(low(10) < 1e-3, "{}", low(10));
         assert!(low(1) > 0.1, "{}", low(1));
     }
+
+    /// Fourteen decades are as many as an axis has; values beyond 1e100 have no place.
+    #[test]
+    fn an_axis_has_fourteen_decades_at_most() {
+        let (low, high) = Scale::around(Kind::Log, [1e-40, 1.0].into_iter()).unwrap().range();
+        assert!((1e-15..1e-14).contains(&low) && (1.0..10.0).contains(&high), "{low} {high}");
+        for kind in [Kind::Linear, Kind::Log] {
+            assert!(Scale::exact(kind, 1.0, 1.1e100).is_none());
+            assert!(Scale::exact(kind, 1.0, 0.9e100).is_some());
+        }
+        assert!(Scale::exact(Kind::Linear, -1.1e100, 1.0).is_none());
+    }
+
+    /// Fewer than ten decades have ticks for 2 to 9 as well, without labels: nine between decades.
+    #[test]
+    fn minor_ticks_are_between_decades() {
+        let ticks = Scale::exact(Kind::Log, 1.0, 1e4).unwrap().ticks(4);
+        assert_eq!(ticks.len(), 4 * 9 + 1);
+        assert_eq!(ticks.iter().filter(|tick| tick.label.is_some()).count(), 5);
+        let two = ticks[1].fraction;
+        assert!((two - 0.25 * 2.0_f64.log10()).abs() < 1e-12 && ticks[1].label.is_none());
+        let ticks = Scale::exact(Kind::Log, 1.0, 1e12).unwrap().ticks(4);
+        assert!(ticks.iter().all(|tick| tick.label.is_some()), "{ticks:?}");
+    }
 }

@@ -165,6 +165,7 @@ mod tests {
         assert_eq!([119.0, 120.0].map(duration), ["119 s", "2.00 min"]);
         assert_eq!([7190.0, 7200.0].map(duration), ["120 min", "2.00 h"]);
         assert_eq!([0.99, 9.9e-4].map(duration), ["990 ms", "990 µs"]);
+        assert_eq!([1.0, 1e-3].map(duration), ["1.00 s", "1.00 ms"]);
     }
 
     #[test]
