@@ -29,7 +29,7 @@ impl fmt::Display for Advice<'_> {
         let instructions = if self.counts() { "  M4F instr." } else { "" };
         writeln!(
             f,
-            "model                        IAE  step p50 us      p99 us{instructions}  error found      \
+            "model                          IAE  step p50 us      p99 us{instructions}  error found      \
              proven  training s"
         )?;
         let score = |tried: &&Tried| tried.result.as_ref().map_or(f64::INFINITY, |s| s.p50_us);
@@ -272,6 +272,93 @@ mod tests {
             proven[1].contains("proven to be wrong by at most 2.5e-3 of the widths"),
             "{proven:?}"
         );
+    }
+
+    /// The table and the advice on these models, with `more` in the config's control.
+    fn advised(tried: Vec<Tried>, more: &str) -> (String, String) {
+        let control = toml::from_str(&format!("{more}{}", crate::search::SPEC)).unwrap();
+        let search =
+            Search { control: &control, sources: &[], states: 2, within: 0.01, has_equation: true };
+        let found = SearchResult { tried, ..SearchResult::default() };
+        let advice = Advice::of(&search, &found, &[]).unwrap();
+        (advice.to_string(), advice.sentences().remove(0))
+    }
+
+    fn of(candidate: Candidate, result: Result<Score, String>) -> Tried {
+        Tried { candidate, net: None, repetitions: 1, place: String::new(), result }
+    }
+
+    fn rk(integrator: Integrator, substeps: usize, score: Score) -> Tried {
+        of(Candidate::Integrator { integrator, substeps }, Ok(score))
+    }
+
+    /// The cheapest first and what failed last, each with its own numbers in the columns of the
+    /// head: of an instruction count, there is a column as soon as one model has it.
+    #[test]
+    fn the_table_has_a_row_for_each_model() {
+        let shape = crate::candidate::shapes(2)[1];
+        let net = Candidate::Net { shape, source: TrainingTarget::Integrator, longer: false };
+        let mut cheap = score(100.5, 10.0, 1e-3);
+        (cheap.worst, cheap.proven, cheap.instructions) = (Some(2e-3), Some(1.5e-3), Some(1234));
+        let wild = Score { worst: Some(f64::INFINITY), ..score(103.0, 8.0, 1e-2) };
+        let tried = vec![
+            of(net, Err("no such file".to_owned())),
+            rk(Integrator::Rk4, 16, score(100.0, 50.0, 1e-9)),
+            rk(Integrator::Rk4, 2, cheap),
+            rk(Integrator::Rk5, 1, Score { training_s: Some(7.25), ..wild }),
+        ];
+        let shown = advised(tried, "budget_us = 60.0").0;
+        let lines: Vec<&str> = shown.lines().take(5).collect();
+        let words = |line: &str| line.split_whitespace().collect::<Vec<_>>().join(" ");
+        let head = "model IAE step p50 us p99 us M4F instr. error found proven training s";
+        assert_eq!(words(lines[0]), head, "{shown}");
+        assert_eq!(
+            lines[1..].iter().map(|line| words(line)).collect::<Vec<_>>(),
+            [
+                "RK5 x1 103.000000 8.00 16.00 - not finite - 7.2 IAE 3.00 % more",
+                "RK4 x2 100.500000 10.00 20.00 1234 2.0e-3 1.5e-3 - good",
+                "RK4 x16 100.000000 50.00 100.00 - - - - late",
+                "distilled 2x16 no such file",
+            ]
+        );
+        // Numbers end where the words above them do.
+        let end = |line: &str, of: &str| line.find(of).map(|at| at + of.len());
+        for (head, number) in [
+            ("IAE", "100.500000"),
+            ("step p50 us", "10.00"),
+            ("p99 us", "20.00"),
+            ("instr.", "1234"),
+            ("error found", "2.0e-3"),
+            ("proven", "1.5e-3"),
+        ] {
+            assert_eq!(end(lines[0], head), end(lines[2], number), "{head} in\n{shown}");
+        }
+        let column = |line: &str, of: &str| line.find(of).unwrap();
+        assert_eq!(column(lines[1], "IAE 3"), column(lines[2], "good"), "{shown}");
+        assert_eq!(column(lines[2], "good"), column(lines[3], "late"), "{shown}");
+        assert!(shown.contains("; no net is as good, of 1 that were tried.\n"), "{shown}");
+        // No model has a count, and there is no column of counts.
+        let all = vec![rk(Integrator::Rk4, 16, score(100.0, 50.0, 1e-9))];
+        let shown = advised(all, "").0;
+        assert_eq!(shown.lines().next().map(words).unwrap(), head.replace(" M4F instr.", ""));
+        assert_eq!(
+            shown.lines().nth(1).map(words).unwrap(),
+            "RK4 x16 100.000000 50.00 100.00 - - - good"
+        );
+    }
+
+    /// The most exact model is compared with itself, and a budget that none keeps is said.
+    #[test]
+    fn the_most_exact_model_may_be_the_one_to_use() {
+        let all = || vec![rk(Integrator::Rk4, 16, score(100.0, 50.0, 1e-9))];
+        let said = |budget: &str| advised(all(), budget).1;
+        let own = "Use RK4 with 16 substeps: its IAE of 100.000000 is the IAE of the most exact model, \
+                   RK4 x16, 100.000000, and its control step takes 50.0 us (99th percentile 100.0 us); \
+                   no net was tried.";
+        assert_eq!(said(""), own);
+        assert_eq!(said("budget_us = 100.0"), own);
+        let late = format!("{own} No good model keeps within control.budget_us, 99.5 us.");
+        assert_eq!(said("budget_us = 99.5"), late);
     }
 
     /// Beside RK5 with 1 substep, which is cheaper by less than times tell, and less exact.
