@@ -130,3 +130,38 @@ impl fmt::Display for Candidate {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The values that a trial with the candidate sets, as they are in the sweep's config.
+    fn set(candidate: Candidate, iterations: &[u64]) -> String {
+        let text = candidate.case(3, iterations);
+        let of = format!("[[sweep.cases]]\nname = \"{candidate}\"\nset = {{ ");
+        text.strip_prefix(&of).unwrap().strip_suffix(" }\n").unwrap().to_owned()
+    }
+
+    /// A trial has one model and its size; a net that is trained for longer has twice as many
+    /// iterations in each phase.
+    #[test]
+    fn a_case_of_a_sweep_sets_all_that_a_candidate_says() {
+        let rk5 = Candidate::Integrator { integrator: Integrator::Rk5, substeps: 6 };
+        let models =
+            |name: &str| format!("\"control.models\" = [\"{name}\"], \"control.repetitions\" = 3");
+        assert_eq!(set(rk5, &[9]), models("rk5") + ", \"control.rk5_substeps\" = 6");
+        assert_eq!(set(Candidate::BlackBox, &[9]), models("black-box"));
+        let net = |source, longer| Candidate::Net { shape: shapes(2)[3], source, longer };
+        let size = ", \"model.hidden_layers\" = 3, \"model.neurons\" = 24";
+        let source = |name: &str| format!("{size}, \"training.source\" = \"{name}\"");
+        let physics = models("pinc") + &source("physics");
+        assert_eq!(set(net(TrainingTarget::Physics, false), &[100, 7]), physics);
+        let phases =
+            ", \"training.phases.0.iterations\" = 200, \"training.phases.1.iterations\" = 14";
+        let distilled = models("pinc") + phases + &source("integrator");
+        assert_eq!(set(net(TrainingTarget::Integrator, true), &[100, 7]), distilled);
+        let names = [(TrainingTarget::Physics, false), (TrainingTarget::Integrator, true)];
+        let names = names.map(|(source, longer)| net(source, longer).to_string());
+        assert_eq!(names, ["PINC 3x24", "distilled 3x24 longer"]);
+    }
+}

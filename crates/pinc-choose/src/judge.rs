@@ -335,6 +335,15 @@ pub(crate) mod tests {
         assert!(Standard::of(&all, &spec, 0.01).unwrap().winner(&all).is_none());
     }
 
+    /// Of two integrators whose steps are as exact, the one with more substeps sets the standard.
+    #[test]
+    fn more_substeps_are_more_exact() {
+        let spec: ControlSpec = toml::from_str(crate::search::SPEC).unwrap();
+        let all = [rk4(2, 100.0, 5.0, 1e-9), rk4(8, 100.2, 9.0, 1e-9), rk4(4, 100.1, 7.0, 1e-9)];
+        let standard = Standard::of(&all, &spec, 0.01).unwrap();
+        assert_eq!((standard.exact.to_string(), standard.iae), ("RK4 x8".to_owned(), 100.2));
+    }
+
     #[test]
     fn short_loops_are_run_more_often() {
         let repetitions = |p50_us: f64, wanted| score(100.0, p50_us, 1e-3).repetitions(wanted);

@@ -130,6 +130,63 @@ fn nets_of_many_states_have_one_layer_first() {
     });
     assert!(asked.contains(&"distilled 1x24".to_owned()), "{asked:?}");
     assert!(!asked.iter().any(|asked| asked.contains(" 2x")), "{asked:?}");
+    let first = |states: usize| {
+        let (asked, _) = order_of(states, 99, |_| Some((100.0, 5.0)));
+        asked.into_iter().find(|name| name.starts_with("distilled")).unwrap()
+    };
+    assert_eq!([9, 10].map(first), ["distilled 2x16", "distilled 1x24"]);
+}
+
+/// The method for stiff plants is worth a try where RK4 needs eight substeps or more.
+#[test]
+fn few_substeps_of_rk4_are_a_reason_against_the_method_for_stiff_plants() {
+    let least = |least: usize| {
+        order(99, move |candidate| match candidate {
+            Candidate::Integrator { integrator: Integrator::Rk4, substeps } => {
+                Some((if substeps < least { 120.0 } else { 100.0 }, us(substeps)))
+            }
+            _ => Some((150.0, 1.5)),
+        })
+    };
+    let is_stiff = |name: &String| name.starts_with("Rosenbrock");
+    let (asked, found) = least(7);
+    assert!(!asked.iter().any(is_stiff), "{asked:?}");
+    let reason = "Rosenbrock: RK4 is good with 7 substeps, fewer than 8";
+    assert!(found.untried.iter().any(|of| of == reason), "{:?}", found.untried);
+    let (asked, found) = least(8);
+    assert!(asked.iter().any(is_stiff), "{asked:?}");
+    assert!(!found.untried.iter().any(|of| of.starts_with("Ros")), "{:?}", found.untried);
+}
+
+/// The repetitions of the config are shared by the rounds, rounded up: 100 by 15.
+#[test]
+fn all_rounds_together_have_the_repetitions_of_the_config() {
+    let text = SPEC.replace("repetitions = 10", "repetitions = 100");
+    let control: ControlSpec = toml::from_str(&text).unwrap();
+    let search =
+        Search { control: &control, sources: &[], states: 2, within: 0.01, has_equation: true };
+    // 100 steps of 1 ms are enough for a time.
+    let rule = |_| Some((100.0, 1000.0));
+    let mut loops = Rules { rule, asked: Vec::new(), most: 99, rounds: 99 };
+    let Ok(found) = search.run(&mut loops);
+    let again = found.tried.iter().filter(|tried| tried.place.ends_with("-2"));
+    let repetitions: Vec<usize> = again.map(|tried| tried.repetitions).collect();
+    assert!(!repetitions.is_empty() && repetitions.iter().all(|n| *n == 7), "{repetitions:?}");
+}
+
+/// Nets trained on the equation are searched from the smallest distilled one on that is good.
+#[test]
+fn the_second_source_begins_where_the_first_one_ended() {
+    let from = |least: usize| {
+        let (asked, _) = order(99, move |candidate| match candidate {
+            Candidate::Net { shape, .. } => {
+                Some((if shape.layers * shape.neurons < least { 150.0 } else { 100.0 }, 1.5))
+            }
+            _ => Some((100.0, 2.0)),
+        });
+        asked.into_iter().find(|name| name.starts_with("PINC")).unwrap()
+    };
+    assert_eq!([0, 30, 40, 60].map(from), ["PINC 2x8", "PINC 2x16", "PINC 2x24", "PINC 3x24"]);
 }
 
 #[test]
