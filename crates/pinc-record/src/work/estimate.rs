@@ -193,10 +193,10 @@ mod tests {
         estimate.trained(20.0, Duration::from_secs(4));
         estimate.ran(Duration::from_secs(1));
         estimate.ran(Duration::from_secs(2));
-        (0..5).for_each(|_| estimate.found());
+        (0..4).for_each(|_| estimate.found());
         assert_eq!(estimate.note(7.0), worker(7.0, 3, [20.0, 4.0, 2.0, 3.0]));
-        // Effort 40 at 0.2 s each, and two trials of 1.5 s.
-        assert!((estimate.seconds().unwrap() - (8.0 + 3.0) / 3.0).abs() < 1e-12);
+        // Effort 40 at 0.2 s each, and three trials of 1.5 s.
+        assert!((estimate.seconds().unwrap() - (8.0 + 4.5) / 3.0).abs() < 1e-12);
         // Nobody at all is one.
         assert_eq!(Estimate::new(0, 0.0, 0.0).note(0.0).lanes, 1);
     }
