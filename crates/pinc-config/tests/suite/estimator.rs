@@ -116,3 +116,30 @@ fn an_estimated_parameter_has_no_other_value() {
         "{error}"
     );
 }
+
+/// States first, then disturbances, then parameters: each with what the config says of it, and a
+/// bound wherever any of them has one.
+#[test]
+fn numbers_of_the_estimator_are_those_of_all_that_is_estimated() {
+    let text = read("configs/estimation/adaptive.toml");
+    let experiment = parse(&text, &[]).unwrap();
+    let mut control = experiment.control.unwrap();
+    let mut spec = control.estimator.take().unwrap();
+    spec.parameters.truncate(1);
+    let of = &mut spec.parameters[0];
+    (of.initial, of.initial_sd, of.drift_sd, of.low, of.high) = (1.5, 0.3, 0.07, None, Some(2.5));
+    spec.initial_estimate = vec![1.0, 2.0];
+    spec.initial_sd = vec![0.1, 0.2];
+    spec.process_sd = vec![0.01, 0.02];
+    (spec.disturbance_sd, spec.disturbance_initial_sd) = (vec![0.05], vec![0.5]);
+    (spec.low, spec.high) = (None, None);
+    let tuning = spec.tuning(&control);
+    assert_eq!(tuning.initial_estimate, [1.0, 2.0, 0.0, 1.5]);
+    assert_eq!(tuning.initial_sd, [0.1, 0.2, 0.5, 0.3]);
+    assert_eq!(tuning.process_sd, [0.01, 0.02, 0.05, 0.07]);
+    assert_eq!(tuning.high, [f64::INFINITY, f64::INFINITY, f64::INFINITY, 2.5]);
+    assert!(tuning.low.is_empty(), "{:?}", tuning.low);
+    spec.low = Some(vec![-3.0, f64::NEG_INFINITY]);
+    let none = f64::NEG_INFINITY;
+    assert_eq!(spec.tuning(&control).low, [-3.0, none, none, none]);
+}
