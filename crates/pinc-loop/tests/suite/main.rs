@@ -2,6 +2,7 @@
 
 mod broken_bounds;
 mod closed_loop;
+mod parameters;
 #[expect(dead_code, reason = "the tests of pinc-mpc use more of it")]
 #[path = "../../../pinc-mpc/tests/suite/problems.rs"]
 mod problems;
