@@ -126,10 +126,15 @@ fn gradients_match_the_controller() {
 
 /// A controller of [`Scaled`] whose inputs act after two steps.
 fn delayed(tolerance: f64) -> Result<Nmpc, MpcError> {
+    delayed_with([2.0, 0.5], tolerance)
+}
+
+/// The same with these weights of errors and of increments.
+fn delayed_with([q, r]: [f64; 2], tolerance: f64) -> Result<Nmpc, MpcError> {
     let problem = NmpcProblem {
         delay: 2,
         parameters: vec![0.8],
-        ..NmpcProblem::new(Scaled.dims(), 4, Weights::uniform(vec![2.0], vec![0.5]))
+        ..NmpcProblem::new(Scaled.dims(), 4, Weights::uniform(vec![q], vec![r]))
     };
     let config = SqpConfig { tolerance, ..SqpConfig::default() };
     Nmpc::new(problem, Box::new(Scaled), config)
@@ -190,6 +195,30 @@ fn steps_take_all_inputs_under_way() {
     }
     let three = Situations { x: &x, reference: &[0.3; 4], u_before: &[0.0; 3], parameters: &[] };
     assert!(batch.steps(three).is_err());
+}
+
+/// The first increment that is weighted is from the input that is applied last of those under way.
+#[test]
+fn gradients_in_weights_go_through_a_delay() {
+    let at =
+        Situations { x: &[0.7], reference: &[0.3; 4], u_before: &[0.9, -0.4], parameters: &[] };
+    let found = |weights: [f64; 2]| {
+        let mut batch = NmpcBatch::new(1, || delayed_with(weights, 1e-11)).unwrap();
+        let found = batch.gradients(at, &[1.0], None).unwrap();
+        (found.steps.u[0], found.gradients.into_iter().next().unwrap())
+    };
+    let gradient = found([2.0, 0.5]).1;
+    for (i, given) in [Given::Q, Given::R].into_iter().enumerate() {
+        let moved = |by: f64| {
+            let mut weights = [2.0, 0.5];
+            weights[i] += by;
+            found(weights).0
+        };
+        let difference = (moved(1e-5) - moved(-1e-5)) / 2e-5;
+        let found = gradient.get(given)[0];
+        assert!(difference.abs() > 1e-3, "{given:?}: {difference}");
+        assert!((found - difference).abs() < 1e-7, "{given:?}: {found}, {difference}");
+    }
 }
 
 #[test]
@@ -294,6 +323,41 @@ fn lists_of_the_wrong_length_are_named() {
     }
     let none = Situations { x: &[], ..at };
     assert!(batch.steps(none).unwrap().u.is_empty());
+}
+
+/// So are weights of a loop's cost, and a controller or plant that such a loop cannot have.
+#[test]
+fn parts_of_loops_of_the_wrong_size_are_named() {
+    let references = [Reference::new(vec![0.3; 8], 2).unwrap()];
+    let weights = |count: usize| vec![1.0; count];
+    let refused = |counts: [usize; 3], references: &[Reference], delay: usize| {
+        let [errors, increments, violations] = counts.map(weights);
+        let cost = LoopCost { errors: &errors, increments: &increments, violations: &violations };
+        let given = GradientLoops {
+            x: &[0.7; 6],
+            references,
+            u_before: &[0.0],
+            parameters: &[],
+            cost,
+            smoothing: None,
+            preview: true,
+        };
+        let plant = || Box::new(Rk4::new(VanDerPol::default(), 0.5, 4)) as Box<dyn Model>;
+        let mut batch = NmpcBatch::new(1, || moving(delay)).unwrap();
+        batch.loop_gradients(given, plant).map_err(|error| error.to_string()).err()
+    };
+    let said = |what: &str| Some(what.to_owned());
+    assert_eq!(refused([2, 1, 2], &references, 0), None);
+    let (all, two) = ([2, 1, 2], [references.clone(), references.clone()].concat());
+    for (found, expected) in [
+        (refused([3, 1, 2], &references, 0), "cost.errors: 3 numbers, but 2 are expected"),
+        (refused([2, 2, 2], &references, 0), "cost.increments: 2 numbers, but 1 are expected"),
+        (refused([2, 1, 1], &references, 0), "cost.violations: 1 numbers, but 2 are expected"),
+        (refused(all, &two, 0), "references: 2 numbers, but 3 are expected"),
+        (refused(all, &references, 1), "the problem's delay: 1 numbers, but 0 are expected"),
+    ] {
+        assert_eq!(found, said(expected));
+    }
 }
 
 /// A controller of the oscillator whose inputs are from 0 to 4, moves from -2 to 1, and act after
