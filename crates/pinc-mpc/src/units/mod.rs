@@ -47,7 +47,7 @@ pub(crate) struct Units {
     /// The units of the rows of a stage.
     rows: Vec<f64>,
     cost: f64,
-    /// The largest weight of what is tracked, where that is not states alone.
+    /// The largest weight of an output that is tracked.
     of_outputs: f64,
     /// The largest slope of a cost without weights, by states and inputs in their units, once known.
     slope: Option<f64>,
@@ -152,9 +152,7 @@ impl Units {
             }
         }
         let size = if most > 0.0 { (least * most).sqrt() } else { self.slope.unwrap_or(1.0) };
-        // Weights of outputs, whose sizes are not known, keep the unit from becoming small only.
-        let largest = (most / LARGEST_WEIGHT).max((self.of_outputs / LARGEST_WEIGHT).min(1.0));
-        let by_largest = largest.log2().ceil().exp2();
+        let by_largest = (most.max(self.of_outputs) / LARGEST_WEIGHT).log2().ceil().exp2();
         let by_least = (MOST_COST * least).log2().floor().exp2().max(1.0);
         self.cost = unit(size, ORDINARY_WEIGHT).max(by_largest).min(by_least);
         let is_one = |unit: &f64| unit.to_bits() == 1.0_f64.to_bits();
@@ -363,14 +361,15 @@ impl Units {
     }
 }
 
-/// The largest weight of 2 Q, where not only states are tracked; otherwise 0.
+/// The largest weight of 2 Q of an output, whose size is not known: a large weight is taken for that of a
+/// small one.
 fn largest_output_weight(problem: &NmpcProblem) -> f64 {
-    if problem.tracks_states_only() {
-        return 0.0;
-    }
-    let weights = problem.weights.q.all().iter().chain(&problem.weights.terminal);
-    let entries = weights.flat_map(|q| (0..q.size()).map(|i| 2.0 * q.entry(i, i)));
-    entries.fold(0.0, f64::max)
+    const LARGEST: f64 = 20.0;
+    let outputs = problem.tracked.iter().enumerate();
+    let outputs = outputs.filter(|(_, tracked)| matches!(tracked, Tracked::Output(_)));
+    let weights = || problem.weights.q.all().iter().chain(&problem.weights.terminal);
+    let entries = outputs.flat_map(|(i, _)| weights().map(move |q| 2.0 * q.entry(i, i)));
+    entries.fold(0.0, f64::max).min(LARGEST)
 }
 
 /// The sizes of inputs by their bounds, 0 where these are infinite. In the unit of bounds that are far
