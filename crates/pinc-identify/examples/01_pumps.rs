@@ -71,7 +71,7 @@ pub(crate) fn main() -> Result<(), IdentifyError> {
         inputs: vec!["u".to_owned()],
         criterion: Criterion::Chosen,
     };
-    let record = Recording { name: "record", u: &u, y: &y };
+    let record = Recording { name: "record", before: None, u: &u, y: &y };
     let found = identify(&mut model, &problem, &[record])?;
     assert_eq!(found.status, FitStatus::Converged);
     println!("{}, as {}", found.method.name(), found.method);
@@ -84,7 +84,7 @@ pub(crate) fn main() -> Result<(), IdentifyError> {
     // Without inflow the pump does not matter.
     let (idle, falling) = (vec![0.0; 12], (0..12).map(|k| 9.0 - 0.3 * f64::from(k)));
     let falling: Vec<f64> = falling.collect();
-    let record = Recording { name: "pump off", u: &idle, y: &falling };
+    let record = Recording { name: "pump off", before: None, u: &idle, y: &falling };
     let found = identify(&mut model, &problem, &[record])?;
     found.findings.iter().for_each(|finding| println!("{finding}"));
     assert!(found.findings.contains(&Diagnosis::NoInfluence { name: "k".to_owned() }));

@@ -74,7 +74,7 @@ pub(crate) fn main() -> Result<(), IdentifyError> {
         inputs: vec!["u".to_owned()],
         criterion: Criterion::Chosen,
     };
-    let record = Recording { name: "record", u: &u, y: &y };
+    let record = Recording { name: "record", before: None, u: &u, y: &y };
     let found = identify(&mut model, &problem, &[record])?;
     println!("{}: {}", found.method.name(), found.method);
     assert_eq!(found.status, FitStatus::Converged);

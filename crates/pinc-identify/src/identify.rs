@@ -314,7 +314,9 @@ fn apart(
         let scale = scale(states);
         for first in (0..states.len()).step_by(length) {
             let end = states.len().min(first + length);
+            let led = Some(recording.input_read(first, nu));
             let cut = Recording {
+                before: if first == 0 { recording.before } else { led },
                 u: &recording.u[first * nu..end * nu],
                 y: &recording.y[first * channels..end * channels],
                 ..*recording

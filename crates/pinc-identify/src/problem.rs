@@ -106,11 +106,14 @@ pub enum InitialState {
 /// # Shapes
 ///
 /// `u`: `[rows, nu]`, held from a row to the next; `y`: `[rows, channels]`, read just before the
-/// input changes, NaN where a value is missing.
+/// input changes, NaN where a value is missing; `before`: `[nu]`.
 #[derive(Clone, Copy, Debug)]
 pub struct Recording<'a> {
     /// Its name, for what is said of it.
     pub name: &'a str,
+    /// The input before the first row, under which this row is read; where it is not known, the row
+    /// is read under its own.
+    pub before: Option<&'a [f64]>,
     /// The inputs.
     pub u: &'a [f64],
     /// The measurements.
@@ -201,6 +204,10 @@ impl Problem {
             return Err(IdentifyError::TooShort { recording: 0, rows: 0 });
         }
         for (i, recording) in recordings.iter().enumerate() {
+            if let Some(before) = recording.before {
+                ArgumentError::check_length("before", before.len(), dims.nu)?;
+                ArgumentError::check_numbers("before", before, "finite", f64::is_finite)?;
+            }
             rows(i, dims, (recording.u, recording.y, self.channels.len()))?;
         }
         let given = |recording: &Recording<'_>| recording.y.iter().filter(|y| !y.is_nan()).count();
@@ -271,11 +278,13 @@ impl Problem {
 }
 
 impl Recording<'_> {
-    /// The input, of `nu` numbers, that row `k` is read under: the one that led there. Of the first
-    /// row it is not known, and taken for the row's own.
+    /// The input, of `nu` numbers, that row `k` is read under: the one that led there. Where it is
+    /// not known for the first row, it is taken for the row's own.
     pub(crate) fn input_read(&self, k: usize, nu: usize) -> &[f64] {
-        let led = k.saturating_sub(1);
-        &self.u[led * nu..(led + 1) * nu]
+        match (k, self.before) {
+            (0, Some(before)) => before,
+            _ => &self.u[k.saturating_sub(1) * nu..][..nu],
+        }
     }
 
     /// The number of rows of a recording of that many channels.

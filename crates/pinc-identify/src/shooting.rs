@@ -471,7 +471,7 @@ mod tests {
         let u: Vec<f64> = (0..90).map(|k| (0.3 * f64::from(k)).sin()).collect();
         let mut y: Vec<f64> = (0..180).map(|k| (0.17 * f64::from(k)).cos()).collect();
         (y[6], y[7], y[21]) = (f64::NAN, f64::NAN, f64::NAN);
-        let recording = Recording { name: "", u: &u, y: &y };
+        let recording = Recording { name: "", before: None, u: &u, y: &y };
         let scale = vec![0.5, 2.0];
         let mut cost = |x: &[f64], p: &[f64]| {
             let mut of = Shooting::new(&problem, recording, Nodes::first(x), scale.clone());

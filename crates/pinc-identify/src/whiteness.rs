@@ -109,7 +109,7 @@ mod tests {
         let delayed = |k: usize| if k < 7 { 0.0 } else { other[k - 7] };
         let share = 3.0_f64.sqrt();
         let residuals: Vec<f64> = (0..600).map(|k| share * e[k] - delayed(k)).collect();
-        let recording = Recording { name: "", u: &u, y: &[] };
+        let recording = Recording { name: "", before: None, u: &u, y: &[] };
         let [first, second] = with_inputs(&[recording], &[residuals], 2)[..] else { panic!() };
         assert!(!first.is_significant(), "{first:?}");
         assert_eq!(second.lag, 7);
@@ -122,7 +122,7 @@ mod tests {
     #[test]
     fn too_few_rows_have_no_correlation() {
         let u: Vec<f64> = (0..40).map(|k| f64::from(k % 7)).collect();
-        let recording = Recording { name: "", u: &u, y: &[] };
+        let recording = Recording { name: "", before: None, u: &u, y: &[] };
         let found = with_inputs(&[recording], std::slice::from_ref(&u), 1)[0];
         assert!(found.correlation.is_nan() && !found.is_significant(), "{found:?}");
     }
@@ -140,7 +140,7 @@ mod tests {
             (0..800).map(|_| next()).collect()
         };
         let (u, e) = (slow(), slow());
-        let recording = Recording { name: "", u: &u, y: &[] };
+        let recording = Recording { name: "", before: None, u: &u, y: &[] };
         let found = with_inputs(&[recording], &[e], 1)[0];
         assert!(found.chance > 0.5, "{found:?}");
         assert!(!found.is_significant(), "{found:?}");

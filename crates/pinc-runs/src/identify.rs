@@ -42,8 +42,8 @@ const VALIDATION_ROWS: usize = 5;
 ///
 /// The data have the columns `t`, the inputs, which hold from a row to the next, and
 /// `y_<measured>`, read just before the input changes, of which cells may be empty; other columns
-/// are ignored. Rows are whole numbers of steps apart. Before the first row the input is taken for
-/// the row's own.
+/// are ignored. Rows are whole numbers of steps apart. Before the first row the input is
+/// `control.initial_input`, or else the row's own.
 ///
 /// # Errors
 ///
@@ -69,17 +69,10 @@ pub fn identify(
     let net = model.map(|path| super::read_matching_model(experiment, path)).transpose()?;
     let net = net.map(|(_, net)| net);
     let kind = match (only, &net) {
-        (Some(ModelKind::Pinc), None) => {
-            return Err(RunError::no_model_file(name, command));
-        }
+        (Some(ModelKind::Pinc), None) => return Err(RunError::no_model_file(name, command)),
         (Some(kind @ (ModelKind::BlackBox | ModelKind::Policy)), _) => {
-            return Err(RunError::usage(
-                name,
-                format!(
-                    "`identify` has no model `{}`, expected pinc or an integrator",
-                    kind.name()
-                ),
-            ));
+            let no = format!("`identify` has no model `{kind}`, expected pinc or an integrator");
+            return Err(RunError::usage(name, no));
         }
         (Some(kind), _) => kind,
         (None, Some(_)) => ModelKind::Pinc,
@@ -112,12 +105,12 @@ pub fn identify(
         RunError::usage(held_out[file].display(), problem)
     };
     let steps = unseen.iter().enumerate().map(|(file, of)| {
-        fitted_steps(&problem, recording(of), rows).map_err(|error| unfit(file, error))
+        fitted_steps(&problem, recording(experiment, of), rows).map_err(|error| unfit(file, error))
     });
     let steps = steps.collect::<Result<Vec<_>, _>>()?;
     let starts = starts.or(spec.starts).unwrap_or_else(|| problem.default_starts());
     let model = || fitted_model(experiment, spec, (kind, net), &*plant, sample_time_s);
-    let recordings: Vec<_> = recorded.iter().map(recording).collect();
+    let recordings: Vec<_> = recorded.iter().map(|of| recording(experiment, of)).collect();
     let clock = Instant::now();
     let threads = std::thread::available_parallelism().map_or(1, NonZero::get);
     let finished = spec.finished_starts.unwrap_or(Starts::default().finished);
@@ -132,7 +125,8 @@ pub fn identify(
     let wall_s = clock.elapsed().as_secs_f64();
     let mut of_unseen = Vec::new();
     for (file, (of, steps)) in unseen.iter().zip(steps).enumerate() {
-        let simulated = simulate_held_out(&mut *model()?, &problem, &found.p, recording(of), rows);
+        let (recording, p) = (recording(experiment, of), &found.p);
+        let simulated = simulate_held_out(&mut *model()?, &problem, p, recording, rows);
         let simulated = simulated.map_err(|error| unfit(file, error))?;
         let pairs = [&of.y, &simulated].map(|of| &of[steps * measured.len()..]);
         of_unseen.push(HeldOutMetrics::of(of.name.clone(), rows, (&measured, pairs)));
@@ -211,8 +205,9 @@ fn step_s(
     known.unwrap_or_else(|| steps.fold(f64::INFINITY, f64::min))
 }
 
-fn recording(of: &RecordedSteps) -> Recording<'_> {
-    Recording { name: &of.name, u: &of.u, y: &of.y }
+fn recording<'a>(experiment: &'a Experiment, of: &'a RecordedSteps) -> Recording<'a> {
+    let before = experiment.control.as_ref().and_then(|of| of.initial_input.as_deref());
+    Recording { name: &of.name, before, u: &of.u, y: &of.y }
 }
 
 /// The problem to fit, and the plant that has its parameters.

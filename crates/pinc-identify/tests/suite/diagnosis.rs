@@ -40,7 +40,7 @@ fn with(unknown: &[usize]) -> Problem {
 
 fn fit(problem: &Problem, u: &[f64], y: &[f64]) -> Identified {
     let mut model = tank().model(Integrator::Rk4, 10.0, 4).unwrap();
-    identify(&mut *model, problem, &[Recording { name: "tank", u, y }]).unwrap()
+    identify(&mut *model, problem, &[Recording { name: "tank", before: None, u, y }]).unwrap()
 }
 
 fn words(found: &Identified) -> String {
@@ -217,7 +217,7 @@ fn a_channel_without_values_is_named() {
     let y: Vec<f64> = x.chunks(2).flat_map(|x| [x[0], f64::NAN]).collect();
     let free = InitialState::Free(vec![1.0, 0.0]);
     let problem = problem(&*plant, &[0, 1], None, &[(0.5, 0.0, 5.0), (1.0, 0.1, 9.0)], free);
-    let recording = Recording { name: "oscillator", u: &u, y: &y };
+    let recording = Recording { name: "oscillator", before: None, u: &u, y: &y };
     let found = identify(&mut *model, &problem, &[recording]).unwrap();
     assert_eq!(found.findings, [Diagnosis::NeverMeasured { name: "x2".to_owned() }]);
     // Without noise the truth comes out to rounding.
@@ -231,7 +231,8 @@ fn data_that_cannot_be_used_are_errors() {
     let problem = with(&[0, 1]);
     let mut model = tank().model(Integrator::Rk4, 10.0, 4).unwrap();
     let mut error = |problem: &Problem, u: &[f64], y: &[f64]| {
-        identify(&mut *model, problem, &[Recording { name: "tank", u, y }]).unwrap_err()
+        identify(&mut *model, problem, &[Recording { name: "tank", before: None, u, y }])
+            .unwrap_err()
     };
     let short = IdentifyError::TooShort { recording: 0, rows: 0 };
     assert_eq!(error(&problem, &[], &[]), short);

@@ -20,7 +20,7 @@ fn a_prior_counts_as_one_more_measurement() {
         problem(&*plant, &[0], Some(sd), &[(1.0, 0.1, 3.0)], InitialState::Fixed(vec![1.0]));
     let prior = Prior { mean: 0.8, sd: 0.02 };
     problem.unknown[0].prior = Some(prior);
-    let recording = Recording { name: "decay", u: &[0.0; 20], y: &y };
+    let recording = Recording { name: "decay", before: None, u: &[0.0; 20], y: &y };
     let mut model = plant.model(Integrator::Rk4, step, 8).unwrap();
     let found = identify(&mut *model, &problem, &[recording]).unwrap();
     let slope = |k: f64| -> f64 {
@@ -59,7 +59,7 @@ fn one_word_chooses_the_shooting() {
     let problem = problem(&*plant, &[0, 1], Some(0.01), &start, InitialState::Free(vec![1.0, 0.0]));
     let by = |criterion| {
         let problem = Problem { criterion, ..problem.clone() };
-        let recording = Recording { name: "oscillator", u: &u, y: &y };
+        let recording = Recording { name: "oscillator", before: None, u: &u, y: &y };
         let mut model = plant.model(Integrator::Rk4, 0.1, 2).unwrap();
         identify(&mut *model, &problem, &[recording]).unwrap()
     };
@@ -128,7 +128,7 @@ fn learned(
     };
     let models: Vec<Box<dyn Model>> =
         (0..3).map(|_| plant.model(Integrator::Rk4, step, 2).unwrap()).collect();
-    let recording = Recording { name: "hybrid", u, y };
+    let recording = Recording { name: "hybrid", before: None, u, y };
     let starts = Starts { finished: 1, threads: 2, ..Starts::default() };
     let found = identify_from_starts(models, &problem, &[recording], starts).unwrap();
     (found, plant, problem)
@@ -179,7 +179,7 @@ fn residuals_tell_that_the_equations_lack_something() {
     let mut model = truth.model(Integrator::Rk4, 0.3, 4).unwrap();
     let x = simulated(&mut *model, &[0.0, 0.0], &u, &[0.5]);
     let y: Vec<f64> = x.iter().step_by(2).zip(noise(2, 0.01, 300)).map(|(x, e)| x + e).collect();
-    let recording = Recording { name: "lags", u: &u, y: &y };
+    let recording = Recording { name: "lags", before: None, u: &u, y: &y };
     let findings = |plant: &dyn DynPlant| {
         let problem = problem(
             plant,

@@ -27,7 +27,7 @@ fn a_prior_counts_beside_one_channel_by_its_residuals() {
     let mut problem =
         problem(&*plant, &[0], None, &[(1.0, 0.1, 4.0)], InitialState::Fixed(vec![0.0]));
     problem.unknown[0].prior = Some(Prior { mean, sd });
-    let recordings = [Recording { name: "line", u: &u, y: &y }];
+    let recordings = [Recording { name: "line", before: None, u: &u, y: &y }];
     let fit = |problem: &Problem, _: usize| identify(&mut *model, problem, &recordings);
     let (_, found) = weighed_by_residuals(problem, &recordings, 1, fit).unwrap();
     let value = found.parameters[0].value;

@@ -4,7 +4,7 @@ use crate::support::{steps, texts};
 use pinc_expr::{Equations, OutputExpression};
 use pinc_identify::{
     Channel, Criterion, FitStatus, Identified, InitialState, Measured, Method, Problem, Recording,
-    Unknown, identify,
+    Unknown, identify, simulate_held_out,
 };
 use pinc_ode::{DynPlant, Integrator, Model, Variable};
 
@@ -71,7 +71,6 @@ fn problem(a: f64, channels: &[usize]) -> Problem {
 
 #[track_caller]
 fn assert_exact(found: &Identified, y: &[f64]) {
-    assert_eq!(found.status, FitStatus::Converged);
     let estimates: Vec<f64> = found.estimates().map(|estimate| estimate.value).collect();
     for (found, truth) in estimates.iter().zip([0.4, 0.5, 0.7]) {
         assert!((found - truth).abs() < 1e-9, "{estimates:?}");
@@ -91,11 +90,40 @@ fn a_row_is_read_under_the_input_that_led_there() {
     let u: Vec<f64> = v.iter().zip(&w).flat_map(|(v, w)| [*v, *w]).collect();
     for missing in [&[][..], &[0, 64, 65, 127]] {
         let y = recorded(&mut *model, &u, missing);
-        let recording = [Recording { name: "lag", u: &u, y: &y }];
+        let recording = [Recording { name: "lag", before: None, u: &u, y: &y }];
         let found = identify(&mut *model, &problem(2.0, &[0, 1]), &recording).unwrap();
         assert!(matches!(found.method, Method::SingleShooting { .. }), "{:?}", found.method);
+        assert_eq!(found.status, FitStatus::Converged);
         assert_exact(&found, &y);
     }
+}
+
+/// The first row is read under an input that no row has: with it known the fit is exact, in one
+/// piece and in segments, and so is the prediction of rows that are held out.
+#[test]
+fn the_first_row_is_read_under_the_input_before_it() {
+    let plant = lag();
+    let mut model = plant.model(Integrator::Rk4, 0.5, 2).unwrap();
+    let (v, w) = (steps(3, ROWS, 1, (-2.0, 2.0)), steps(4, ROWS, 2, (-1.0, 1.0)));
+    let u: Vec<f64> = v.iter().zip(&w).flat_map(|(v, w)| [*v, *w]).collect();
+    let mut y = recorded(&mut *model, &u, &[]);
+    let before = [u[0] + 1.5, u[1] - 0.5];
+    y[0] += 0.5 * 1.5 - 0.1 * 0.5;
+    let known = Recording { name: "lag", before: Some(&before), u: &u, y: &y };
+    for criterion in [Criterion::Chosen, Criterion::MultipleShooting] {
+        let problem = Problem { criterion, ..problem(2.0, &[0, 1]) };
+        assert_exact(&identify(&mut *model, &problem, &[known]).unwrap(), &y);
+    }
+    let unknown = Recording { before: None, ..known };
+    let found = identify(&mut *model, &problem(2.0, &[0, 1]), &[unknown]).unwrap();
+    assert!(found.cost > 1.0, "{}", found.cost);
+    let found = simulate_held_out(&mut *model, &problem(2.0, &[0, 1]), &[0.4, 0.5], known, 5);
+    for (k, (found, y)) in found.unwrap().iter().zip(&y).enumerate() {
+        assert!((found - y).abs() < 1e-9, "{k}: {found} {y}");
+    }
+    let short = Recording { before: Some(&before[..1]), ..known };
+    let refused = identify(&mut *model, &problem(2.0, &[0, 1]), &[short]).unwrap_err();
+    assert!(refused.to_string().contains("before"), "{refused}");
 }
 
 /// What is measured is the state, once as such and once as an output: the fits have the same bits
@@ -113,7 +141,9 @@ fn outputs_without_the_input_are_read_as_states_are() {
         // Nothing that is measured depends on b.
         problem.unknown.pop();
         let y: Vec<f64> = y.iter().map(|y| y * scale).collect();
-        let found = identify(model, &problem, &[Recording { name: "lag", u: &u, y: &y }]).unwrap();
+        let found =
+            identify(model, &problem, &[Recording { name: "lag", before: None, u: &u, y: &y }])
+                .unwrap();
         found.estimates().map(|estimate| estimate.value).collect::<Vec<_>>()
     };
     let (by_output, by_state) =

@@ -33,7 +33,7 @@ fn fitted(criterion: Criterion, [mu, k]: [f64; 2], (u, y): &(Vec<f64>, Vec<f64>)
     let free = InitialState::Free(vec![1.0, 0.0]);
     let problem = Problem { criterion, ..problem(&*plant, &[0], Some(0.02), &start, free) };
     let mut model = plant.model(Integrator::Rk4, 0.1, 2).unwrap();
-    identify(&mut *model, &problem, &[Recording { name: "shaken", u, y }]).unwrap()
+    identify(&mut *model, &problem, &[Recording { name: "shaken", before: None, u, y }]).unwrap()
 }
 
 /// A simulation blames the parameters for what shakes the plant, and says that it is sure of them.
@@ -98,7 +98,7 @@ fn predictions_have_starts_and_are_validated_by_simulation() {
     let criterion = Criterion::PredictionError;
     let problem = Problem { criterion, ..problem(&*plant, &[0], Some(0.02), &start, free) };
     let model = || plant.model(Integrator::Rk4, 0.1, 2).unwrap();
-    let recording = Recording { name: "shaken", u: &u, y: &y };
+    let recording = Recording { name: "shaken", before: None, u: &u, y: &y };
     let starts = Starts { finished: 1, ..Starts::default() };
     let models = (0..4).map(|_| model()).collect();
     let found = identify_from_starts(models, &problem, &[recording], starts).unwrap();
@@ -159,7 +159,8 @@ fn a_predictor_that_does_not_forget_the_initial_state_is_named() {
         let free = InitialState::Free(vec![1.0]);
         let criterion = Criterion::PredictionError;
         let problem = Problem { criterion, ..problem(&*plant, &[0], Some(0.01), &start, free) };
-        identify(&mut *model, &problem, &[Recording { name: "lag", u: &u, y: &y }]).unwrap()
+        identify(&mut *model, &problem, &[Recording { name: "lag", before: None, u: &u, y: &y }])
+            .unwrap()
     };
     let mut unstable = 0;
     for seed in 0..20 {

@@ -52,7 +52,8 @@ fn fit(measured: &[usize], start: &[f64; 8], state: [f64; 4]) -> Identified {
     let problem = problem(&*plant, measured, Some(0.05), &unknown, free);
     let y: Vec<f64> = y.chunks(4).flat_map(|row| measured.iter().map(|&i| row[i])).collect();
     let mut model = plant.model(Integrator::Rk4, 10.0, 4).unwrap();
-    identify(&mut *model, &problem, &[Recording { name: "tanks", u: &u, y: &y }]).unwrap()
+    identify(&mut *model, &problem, &[Recording { name: "tanks", before: None, u: &u, y: &y }])
+        .unwrap()
 }
 
 fn assert_answer(found: &Identified, answer: &Answer, cost: f64) {
@@ -192,7 +193,7 @@ fn missing_values_are_left_out() {
     let gappy: Vec<f64> =
         y.iter().enumerate().map(|(i, y)| if i % 3 == 0 { f64::NAN } else { *y }).collect();
     let mut model = plant.model(Integrator::Rk4, 10.0, 4).unwrap();
-    let recording = Recording { name: "gappy", u: &u, y: &gappy };
+    let recording = Recording { name: "gappy", before: None, u: &u, y: &gappy };
     let found = identify(&mut *model, &problem, &[recording]).unwrap();
     assert_eq!(found.measurements, 536);
     // Values that are missing weigh nothing: as if their noise were without end.
@@ -221,6 +222,7 @@ fn several_recordings_share_their_parameters() {
     let problem = problem(&*plant, &[0, 1, 2, 3], Some(0.05), &unknown, free);
     let part = |name, rows: std::ops::Range<usize>| Recording {
         name,
+        before: None,
         u: &u[2 * rows.start..2 * rows.end],
         y: &y[4 * rows.start..4 * rows.end],
     };
@@ -275,7 +277,7 @@ fn outputs_are_measured_as_states_are() {
         InitialState::Fixed(vec![3.0, 1.0]),
     );
     problem.channels[0].measured = Measured::Output(0);
-    let recording = Recording { name: "batch", u: &u, y: &y };
+    let recording = Recording { name: "batch", before: None, u: &u, y: &y };
     let found = identify(&mut *model, &problem, &[recording]).unwrap();
     assert_eq!(found.status, FitStatus::Converged);
     assert!(found.initial_states.is_empty());
@@ -307,7 +309,7 @@ fn a_state_and_an_output_are_weighted_by_their_noise() {
         for (channel, sd) in problem.channels.iter_mut().zip(sd) {
             channel.sd = Some(sd);
         }
-        let recording = Recording { name: "constant", u: &u, y: &y };
+        let recording = Recording { name: "constant", before: None, u: &u, y: &y };
         let found = identify(&mut *model, &problem, &[recording]).unwrap();
         let [of_state, of_output] = sd.map(|sd: f64| sd.powi(-2));
         let expected = of_output / (of_state + of_output);

@@ -24,7 +24,7 @@ fn a_chaotic_system_needs_multiple_shooting() {
     let start = [(2.0, 0.5, 10.0), (20.0, 5.0, 60.0), (8.0, 1.0, 50.0)];
     let free = InitialState::Free(vec![-7.0, 6.0, 25.0]);
     let problem = problem(&*lorenz, &[0, 1, 2], Some(0.1), &start, free);
-    let recording = Recording { name: "lorenz", u: &u, y: &y };
+    let recording = Recording { name: "lorenz", before: None, u: &u, y: &y };
     let found = identify(&mut *model, &problem, &[recording]).unwrap();
     assert_eq!(found.status, FitStatus::Converged, "{:?}", found.work);
     assert!(matches!(found.method, Method::MultipleShooting(_)));
@@ -52,7 +52,7 @@ fn a_model_that_explodes_at_the_start_is_cut_into_segments() {
     let y: Vec<f64> = x.iter().zip(noise(2, 0.01, 100)).map(|(x, noise)| x + noise).collect();
     let free = InitialState::Free(vec![1.0]);
     let problem = problem(&*growth, &[0], Some(0.01), &[(3.0, 0.0, 5.0)], free);
-    let recording = Recording { name: "growth", u: &u, y: &y };
+    let recording = Recording { name: "growth", before: None, u: &u, y: &y };
     let found = identify(&mut *model, &problem, &[recording]).unwrap();
     assert_eq!(found.method, Method::MultipleShooting(Why::NotFinite));
     assert_eq!(found.status, FitStatus::Converged);
@@ -70,7 +70,7 @@ fn both_ways_have_the_same_answer() {
     let x = simulated(&mut *model, &[1.0, 0.0], &u, &[0.8, 1.3]);
     let y: Vec<f64> =
         x.chunks(2).map(|x| x[0]).zip(noise(3, 0.05, 300)).map(|(x, e)| x + e).collect();
-    let recording = [Recording { name: "oscillator", u: &u, y: &y }];
+    let recording = [Recording { name: "oscillator", before: None, u: &u, y: &y }];
     let from = |mu: f64, k: f64, state: [f64; 2]| {
         let start = [(mu, 0.0, 5.0), (k, 0.1, 20.0)];
         problem(&*plant, &[0], Some(0.05), &start, InitialState::Free(state.to_vec()))
@@ -103,7 +103,7 @@ fn the_same_data_give_the_same_bits() {
     let free = InitialState::Free(vec![1.0, 0.0]);
     let problem = problem(&*plant, &[0, 1], None, &start, free);
     let mut fit = || {
-        let recording = Recording { name: "oscillator", u: &u, y: &y };
+        let recording = Recording { name: "oscillator", before: None, u: &u, y: &y };
         let found = identify(&mut *model, &problem, &[recording]).unwrap();
         found.estimates().map(|estimate| estimate.value.to_bits()).collect::<Vec<_>>()
     };

@@ -49,7 +49,7 @@ fn copies(plant: &dyn DynPlant, count: usize) -> Vec<Box<dyn Model>> {
 
 fn fit(plant: &dyn DynPlant, level: f64, starts: usize, threads: usize) -> Identified {
     let (u, y) = data(plant);
-    let recording = Recording { name: "cascade", u: &u, y: &y };
+    let recording = Recording { name: "cascade", before: None, u: &u, y: &y };
     let problem = from_level(plant, level);
     let of = Starts { seed: 1, threads, ..Starts::default() };
     identify_from_starts(copies(plant, starts), &problem, &[recording], of).unwrap()
@@ -61,7 +61,7 @@ fn an_overflow_that_one_start_never_reaches_is_found_from_many() {
     let plant = cascade();
     let single = fit(&*plant, 20.0, 1, 1);
     let (u, y) = data(&*plant);
-    let recording = Recording { name: "cascade", u: &u, y: &y };
+    let recording = Recording { name: "cascade", before: None, u: &u, y: &y };
     assert_eq!(single.parameters[1].value.to_bits(), 20.0_f64.to_bits());
     // Both act as soon as the level is within reach; that the data cannot tell them is not said.
     let inactive = single.findings.iter().filter_map(|finding| match finding {
@@ -123,7 +123,7 @@ fn an_overflow_that_one_start_never_reaches_is_found_from_many() {
 fn the_own_start_has_the_same_bits_alone_and_among_others() {
     let plant = cascade();
     let (u, y) = data(&*plant);
-    let recording = Recording { name: "cascade", u: &u, y: &y };
+    let recording = Recording { name: "cascade", before: None, u: &u, y: &y };
     let problem = from_level(&*plant, 7.0);
     let alone =
         identify(&mut *plant.model(Integrator::Rk4, 0.5, 2).unwrap(), &problem, &[recording])
@@ -156,7 +156,7 @@ fn the_result_does_not_depend_on_threads_but_on_the_seed() {
     let problem = problem(&*plant, &[0, 1], None, &start, free);
     let starts = |seed: u64, threads: usize| {
         let models = (0..6).map(|_| plant.model(Integrator::Rk4, 0.1, 2).unwrap()).collect();
-        let recording = Recording { name: "oscillator", u: &u, y: &y };
+        let recording = Recording { name: "oscillator", before: None, u: &u, y: &y };
         let of = Starts { seed, threads, ..Starts::default() };
         identify_from_starts(models, &problem, &[recording], of).unwrap().starts
     };
@@ -208,7 +208,7 @@ fn an_interrupted_fit_ends() {
             })
         };
         let models = copies(&*plant, starts).into_iter().map(copy).collect();
-        let recording = Recording { name: "cascade", u: &u, y: &y };
+        let recording = Recording { name: "cascade", before: None, u: &u, y: &y };
         let of = Starts { interrupt: sets.then_some(&*interrupt), ..Starts::default() };
         let found = identify_from_starts(models, &from_level(&*plant, 8.0), &[recording], of);
         let passes = linearized.load(Ordering::Relaxed) / 160;
@@ -222,7 +222,7 @@ fn several_starts_need_bounds() {
     let plant = oscillator();
     let start = [(0.5, 0.0, 5.0), (1.0, 0.1, f64::INFINITY)];
     let problem = problem(&*plant, &[0, 1], None, &start, InitialState::Fixed(vec![1.0, 0.0]));
-    let recording = Recording { name: "none", u: &[0.0; 5], y: &[1.0; 10] };
+    let recording = Recording { name: "none", before: None, u: &[0.0; 5], y: &[1.0; 10] };
     let starts = |count: usize| {
         let models = (0..count).map(|_| plant.model(Integrator::Rk4, 0.1, 2).unwrap()).collect();
         identify_from_starts(models, &problem, &[recording], Starts::default())
@@ -241,7 +241,7 @@ fn a_parameter_that_acts_nowhere_is_told_from_one_that_is_inactive() {
     let y = simulated(&mut *plant.model(Integrator::Rk4, 0.2, 2).unwrap(), &[0.0], &u, &[0.7, 1.0]);
     let start = [(1.0, 0.1, 3.0), (1.0, 0.0, 2.0)];
     let problem = problem(&*plant, &[0], None, &start, InitialState::Fixed(vec![0.0]));
-    let recording = Recording { name: "lag", u: &u, y: &y };
+    let recording = Recording { name: "lag", before: None, u: &u, y: &y };
     let found =
         identify(&mut *plant.model(Integrator::Rk4, 0.2, 2).unwrap(), &problem, &[recording])
             .unwrap();
