@@ -1,6 +1,6 @@
 //! The error over the domain, failed steps, states of different size, and the unit of time.
 
-use super::{CONFIG, METRICS, assert_sound, build, stems, svg, whole, write};
+use super::{CONFIG, METRICS, assert_sound, build, control, stems, svg, whole, write};
 use crate::testing::Plot;
 use std::fmt::Write as _;
 use tempfile::TempDir;
@@ -190,4 +190,58 @@ fn times_are_shown_in_the_unit_of_the_config() {
     // 50 s are 0.833 min.
     assert!(control.contains("t (min)") && control.contains(">0.8<"), "{control}");
     assert!(svg(dir.path(), "prediction").contains("t (min)"));
+    // So are those of other tables, and with them the first steps of a long run, which are enlarged.
+    assert!(stems(dir.path()).iter().any(|stem| stem.starts_with("control-0-")));
+    let mut table = "t,a_err,a_true_err,b_err,b_true_err,c_err,c_true_err\n".to_owned();
+    for k in 0..=100 {
+        let _ = writeln!(table, "{},1e-4,1e-4,1e-6,1e-6,1e-6,1e-6", 0.5 * f64::from(k));
+    }
+    write(&dir, "model-error.csv", &table);
+    let errors = svg(dir.path(), "model-error");
+    assert!(errors.contains("t (min)") && errors.contains(">0.80<"), "{errors}");
+    assert!(!errors.contains(">40<") && !errors.contains(">50<"), "{errors}");
+}
+
+/// A loop that ended at 25 s of 50 has nothing to show after that.
+#[test]
+fn windows_after_the_end_of_a_loop_are_left_out() {
+    let dir = whole();
+    let windows = "[control]\nclose_ups_s = [[1.0, 4.0], [24.0, 30.0], [30.0, 40.0], [25.0, 26.0]]";
+    write(&dir, "config.toml", &CONFIG.replace("[control]", windows));
+    for model in ["pinc", "rk4"] {
+        write(&dir, &format!("control-{model}.csv"), &control(450, 0.0));
+    }
+    let names = stems(dir.path());
+    let enlarged: Vec<_> = names.iter().filter(|name| name.starts_with("control-")).collect();
+    assert_eq!(enlarged, ["control-1-4", "control-24-25"]);
+}
+
+/// Outputs follow the states in a table, but have bounds of their own.
+#[test]
+fn bounds_of_outputs_are_drawn_in_their_panel() {
+    let dir = whole();
+    let config =
+        CONFIG.replace("[model]\n", "outputs = { y = \"a + b\", z = \"c\" }\n[model]\n").replace(
+            "[control.sqp]",
+            "output_low = [-0.25, -1.0]\noutput_high = [1.25, 3.5]\n\
+                 bound_schedule = [{ start_s = 20.0, output_high = { y = 1.5, z = 3.75 } }]\n\
+                 [control.sqp]",
+        );
+    write(&dir, "config.toml", &config);
+    for model in ["pinc", "rk4"] {
+        let text = control(900, 0.0);
+        let rows = text.lines().enumerate().map(|(i, row)| match i {
+            0 => format!("{row},y,z\n"),
+            _ => format!("{row},1,1.2\n"),
+        });
+        write(&dir, &format!("control-{model}.csv"), &rows.collect::<String>());
+    }
+    let plot = Plot::read(&svg(dir.path(), "control"), "Outputs");
+    let limits = plot.lines("limits");
+    let corners = [(0.0, 1.25), (20.0, 1.25), (20.0, 1.5), (50.0, 1.5)];
+    let near = |(a, b): (&(f64, f64), &(f64, f64))| {
+        (a.0 - b.0).abs() < 0.1 && (a.1 - b.1).abs() < plot.tolerance
+    };
+    let drawn = |line: &Vec<_>| line.len() == 4 && line.iter().zip(&corners).all(near);
+    assert!(limits.iter().any(drawn), "{limits:?}");
 }
