@@ -339,3 +339,39 @@ fn the_covariance_of_what_a_controller_sees_follows_from_the_estimates() {
         }
     }
 }
+
+/// What a controller sees and what its model is asked: input disturbances are added to the input,
+/// output disturbances taken from states that are measured, and parameters go to their places.
+#[test]
+fn arguments_of_a_model_are_those_of_the_compensated_one_without_disturbances() {
+    let of = |disturbance: Disturbance| Augmentation {
+        measured: vec![Measured::State(1), Measured::Output(0)],
+        disturbance,
+        parameters: vec![1.0, 2.0, 3.0],
+        estimated: vec![2],
+        known: vec![0],
+    };
+    let asked = |disturbance: Disturbance, w: &[f64]| {
+        let (mut x, mut u, mut p) = ([10.0, 20.0], [5.0, 6.0], [f64::NAN; 3]);
+        of(disturbance).arguments(&mut x, &mut u, w, &mut p);
+        assert_eq!(p.to_vec(), [9.0, 2.0, 7.0]);
+        (x, u)
+    };
+    assert_eq!(asked(Disturbance::None, &[7.0, 9.0]), ([10.0, 20.0], [5.0, 6.0]));
+    let states = Disturbance::States(vec![0]);
+    assert_eq!(asked(states, &[0.5, 7.0, 9.0]), ([10.0, 20.0], [5.0, 6.0]));
+    let input = asked(Disturbance::Input, &[0.5, -0.25, 7.0, 9.0]);
+    assert_eq!(input, ([10.0, 20.0], [5.5, 5.75]));
+    let output = asked(Disturbance::Output, &[0.5, -0.25, 7.0, 9.0]);
+    assert_eq!(output, ([10.0, 19.5], [5.0, 6.0]));
+    // The other way round, from what is estimated; what is known stays.
+    let seen = |disturbance: Disturbance| {
+        let (mut x, mut w) = ([0.0; 2], [0.0, 0.0, 0.0, 9.0]);
+        of(disturbance).read(&[10.0, 19.5, 0.5, -0.25, 7.0], &mut x, &mut w);
+        assert_eq!(w.to_vec(), [0.5, -0.25, 7.0, 9.0]);
+        x.to_vec()
+    };
+    assert_eq!(seen(Disturbance::Output), [10.0, 20.0]);
+    assert_eq!(seen(Disturbance::Input), [10.0, 19.5]);
+    assert_eq!(of(Disturbance::Input).known_values(), [1.0]);
+}
