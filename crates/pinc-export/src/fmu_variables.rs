@@ -128,3 +128,55 @@ pub(crate) fn bounded(variables: Vec<Real>, bounds: &Bounds) -> Vec<Real> {
     }
     variables
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const INFINITE: f64 = f64::INFINITY;
+
+    fn variables() -> Vec<Variable> {
+        vec![Variable::new("h", "cm"), Variable::new("p<q", "bar"), Variable::new("n", "")]
+    }
+
+    /// The size of a variable is the larger of its bounds; one without a finite size has none, and a
+    /// bound that is infinite is no bound.
+    #[test]
+    fn attributes_have_the_bounds_that_there_are() {
+        let bounds = Bounds::new(vec![-3.0, 0.5, -INFINITE], vec![2.0, INFINITE, INFINITE]);
+        let starts = [0.25, 1.0, -4.0];
+        let shown =
+            |reals: Vec<Real>| -> Vec<String> { reals.iter().map(Real::attributes).collect() };
+        let inputs = || list(&variables(), "", Role::Input, &starts);
+        assert_eq!(
+            shown(bounded(inputs(), &bounds)),
+            [
+                " unit=\"cm\" min=\"-3.0\" max=\"2.0\" nominal=\"3.0\" start=\"0.25\"",
+                " unit=\"bar\" min=\"0.5\" start=\"1.0\"",
+                " start=\"-4.0\"",
+            ]
+        );
+        let sizes = " unit=\"cm\" nominal=\"3.0\" start=\"0.25\"";
+        assert_eq!(shown(sized(inputs(), &bounds))[0], sizes);
+        // What is 0 has no size, and what is calculated has no start.
+        let zero = Bounds::new(vec![0.0; 3], vec![0.0; 3]);
+        let outputs = list(&variables(), "", Role::Output, &starts);
+        let expected = [" unit=\"cm\"", " unit=\"bar\"", ""];
+        assert_eq!(shown(sized(outputs, &zero)), expected);
+    }
+
+    /// The unit of a derivative is per second; of a number, there is none.
+    #[test]
+    fn names_and_units_follow_from_the_variables() {
+        let rates = derivatives(&variables());
+        let names: Vec<&str> = rates.iter().map(|real| &*real.name).collect();
+        assert_eq!(names, ["der(h)", "der(p<q)", "der(n)"]);
+        let units: Vec<&str> = rates.iter().map(|real| &*real.unit).collect();
+        assert_eq!(units, ["cm/s", "bar/s", ""]);
+        let places = rates.iter().map(|real| matches!(real.role, Role::Derivative(2)));
+        assert_eq!(places.collect::<Vec<_>>(), [false, false, true]);
+        let starts = list(&variables(), "_start", Role::Start, &[1.0, 2.0, 3.0]);
+        assert_eq!((&*starts[2].name, starts[2].start), ("n_start", 3.0));
+        assert_eq!(starts[0].description, "value at the start");
+    }
+}

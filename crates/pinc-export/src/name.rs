@@ -55,7 +55,12 @@ mod tests {
             assert!(matches!(Name::new(bad), Err(ExportError::Name { .. })), "{bad}");
         }
         assert_eq!(Name::nearest("four-tanks-Main").as_str(), "four_tanks_main");
+        assert_eq!(Name::nearest("--Tank 1--").as_str(), "tank_1");
         assert_eq!(Name::nearest("--").as_str(), "model");
+        // The longest name, and the beginning of a longer one.
+        assert_eq!(Name::new(&"a".repeat(31)).unwrap().as_str().len(), 31);
+        assert_eq!(Name::nearest(&format!("{}-bc", "a".repeat(30))).as_str(), "a".repeat(30));
+        assert_eq!(Name::nearest("void").as_str(), "model");
         assert_eq!(Name::nearest("4").as_str(), "model");
     }
 }

@@ -122,4 +122,29 @@ mod tests {
         assert_eq!([0.1, -2.0, 1e300, 5e-324].map(constant), ["0.1", "-2.0", "1e300", "5e-324"]);
         assert_eq!(constant(f64::NEG_INFINITY), "-INFINITY");
     }
+
+    /// C has no arrays of length 0: those without numbers have one that is not used.
+    #[test]
+    fn arrays_match_c() {
+        let five = array("a", &[1.0, -2.5, 0.0, 3.0, f64::INFINITY]);
+        assert_eq!(
+            five,
+            "static const PINC_REAL pinc_a[5] = {\n    PINC_N(1.0), PINC_N(-2.5), PINC_N(0.0), PINC_N(3.0),\n    \
+             PINC_N(INFINITY),\n};\n"
+        );
+        let none = "static const PINC_REAL pinc_a[1] = {\n    PINC_N(0.0),\n};\n";
+        assert_eq!(array("a", &[]), none);
+        let rows = array_with("a", &[1.0, 2.0], " / 2][2");
+        assert!(rows.starts_with("static const PINC_REAL pinc_a[2 / 2][2] = {\n"), "{rows}");
+        assert_eq!(places("p", &[]), "static const int pinc_p[1] = {\n    0,\n};\n");
+        assert_eq!(places("p", &[3, 1]), "static const int pinc_p[2] = {\n    3, 1,\n};\n");
+        let long = places("p", &[7; 17]);
+        assert_eq!(long.lines().count(), 4, "sixteen in a line: {long}");
+        let two = table("t", &[vec![1.0, 2.0], vec![3.0, 4.0]]);
+        assert_eq!(
+            two,
+            "static const double pinc_t[2][2] = {\n    {\n    1.0, 2.0,\n    },\n    {\n    3.0, \
+             4.0,\n    },\n};\n"
+        );
+    }
 }
