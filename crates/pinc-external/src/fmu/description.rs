@@ -228,3 +228,96 @@ fn variables_of_three(root: Node<'_, '_>) -> Result<Variables, String> {
     }
     Ok((variables, states, rates))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// An oscillator with two states, an input and an array, as FMI 2 and FMI 3 describe it.
+    const TWO: &str = r#"<fmiModelDescription fmiVersion="2.0" guid="g2">
+<ModelExchange modelIdentifier="osc" providesDirectionalDerivative="1"/>
+<ModelVariables>
+<ScalarVariable name="u" valueReference="6" causality="input"><Real start="0.5"/></ScalarVariable>
+<ScalarVariable name="flag" valueReference="1"><Boolean/></ScalarVariable>
+<ScalarVariable name="x" valueReference="8" initial="calculated"><Real start="2"/></ScalarVariable>
+<ScalarVariable name="der(x)" valueReference="9"><Real derivative="3"/></ScalarVariable>
+</ModelVariables>
+<ModelStructure><Derivatives><Unknown index="4"/></Derivatives></ModelStructure>
+</fmiModelDescription>"#;
+
+    const THREE: &str = r#"<fmiModelDescription fmiVersion="3.0" instantiationToken="g3">
+<CoSimulation modelIdentifier="osc"/>
+<ModelVariables>
+<Float64 name="x" valueReference="1" start="1 2"><Dimension start="2"/><Dimension start="2"/></Float64>
+<Float64 name="der(x)" valueReference="3" derivative="1"><Dimension start="4"/></Float64>
+<Float64 name="u" valueReference="6" causality="input" start="0.25"/>
+</ModelVariables>
+<ModelStructure><ContinuousStateDerivative valueReference="3"/></ModelStructure>
+</fmiModelDescription>"#;
+
+    fn at(reference: u32, element: usize) -> Place {
+        Place { reference, element }
+    }
+
+    #[test]
+    fn variables_of_version_two_are_counted_from_one() {
+        let found = Description::parse(TWO).unwrap();
+        assert_eq!((found.version, &*found.token), (Version::Two, "g2"));
+        assert_eq!(found.model_exchange.as_deref(), Some("osc"));
+        assert_eq!((found.co_simulation.as_deref(), found.is_differentiable), (None, true));
+        assert_eq!((&found.states[..], &found.derivatives[..]), (&[at(8, 0)][..], &[9][..]));
+        assert_eq!((found.place("u"), found.start(6)), (Ok(at(6, 0)), vec![0.5]));
+        assert_eq!([6, 8].map(|of| found.is_input(of)), [true, false]);
+        assert_eq!([6, 8].map(|of| found.is_calculated(of)), [false, true]);
+        let error = found.place("flag").unwrap_err();
+        assert_eq!(error, "no real variable is named `flag`; there are der(x), u, x");
+    }
+
+    /// The elements of an array are counted from 1; what is not given starts at 0.
+    #[test]
+    fn arrays_of_version_three_have_elements() {
+        let found = Description::parse(THREE).unwrap();
+        assert_eq!((found.version, &*found.token), (Version::Three, "g3"));
+        assert_eq!((found.model_exchange.as_deref(), found.is_differentiable), (None, false));
+        assert_eq!(found.start(1), [1.0, 2.0, 0.0, 0.0]);
+        assert_eq!(found.states, [0, 1, 2, 3].map(|element| at(1, element)));
+        assert_eq!(found.derivatives, [3]);
+        assert_eq!(found.place("x[1]"), Ok(at(1, 0)));
+        assert_eq!(found.place("x[4]"), Ok(at(1, 3)));
+        assert_eq!(found.place("u"), Ok(at(6, 0)));
+        for unknown in ["x", "x[0]", "x[5]", "y", "u[2]"] {
+            assert!(found.place(unknown).is_err(), "{unknown}");
+        }
+    }
+
+    #[test]
+    fn what_cannot_be_read_is_refused_in_words() {
+        let with = |text: &str, from: &str, to: &str| {
+            assert!(text.contains(from), "{from}");
+            Description::parse(&text.replacen(from, to, 1)).map(|found| found.version)
+        };
+        let version = |version: &str| with(THREE, "\"3.0\"", &format!("\"{version}\""));
+        assert_eq!(
+            [version("3.1"), version("3.0-beta.5")],
+            [Ok(Version::Three), Ok(Version::Three)]
+        );
+        for other in ["3", "30.0", "1.0", ""] {
+            let said = format!("fmiVersion {other} given, expected 2.0 or 3.0");
+            assert_eq!(version(other), Err(said));
+        }
+        let none = with(TWO, "fmiVersion=\"2.0\"", "");
+        assert_eq!(none, Err("fmiVersion none given, expected 2.0 or 3.0".to_owned()));
+        assert_eq!(with(TWO, "guid=\"g2\"", ""), Err("guid is missing".to_owned()));
+        for name in ["", ".hidden", "../osc", "o c"] {
+            let error = with(TWO, "\"osc\"", &format!("\"{name}\"")).unwrap_err();
+            assert_eq!(error, format!("modelIdentifier {name:?} given, expected a C identifier"));
+        }
+        assert_eq!(with(TWO, "\"osc\"", "\"o-s.c_2\""), Ok(Version::Two));
+        let missing = with(TWO, "valueReference=\"6\"", "valueReference=\"six\"");
+        assert_eq!(missing, Err("u: valueReference is missing or no whole number".to_owned()));
+        let of = with(TWO, "index=\"4\"", "index=\"2\"");
+        assert_eq!(of, Err("a derivative is no real variable".to_owned()));
+        let size = with(THREE, "<Dimension start=\"2\"/>", "<Dimension valueReference=\"7\"/>");
+        assert_eq!(size, Err("x: a size that depends on a parameter is not read".to_owned()));
+    }
+}
