@@ -2,7 +2,7 @@
 
 use crate::support::{noise, oscillator, plant, problem, simulated, steps};
 use pinc_identify::{
-    Diagnosis, FitStatus, Identified, IdentifyError, InitialState, Problem, Recording, Side,
+    Diagnosis, FitStatus, Identified, IdentifyError, InitialState, Prior, Problem, Recording, Side,
     identify,
 };
 use pinc_ode::{ArgumentError, DynPlant, Integrator};
@@ -184,7 +184,15 @@ fn units_that_are_wrong_by_a_thousand_are_suspected() {
     let mut wide = with(&[0, 1]);
     wide.unknown[1].low = 0.0;
     let found = fit(&wide, &millivolts, &y);
-    assert!(found.findings.iter().any(|f| matches!(f, Diagnosis::Far { name, .. } if name == "k")));
+    let is_far = |found: &Identified| {
+        found.findings.iter().any(|f| matches!(f, Diagnosis::Far { name, .. } if name == "k"))
+    };
+    assert!(is_far(&found), "{}", words(&found));
+    // Whoever says beforehand that k may be there is not told that it is far from its start.
+    wide.unknown[1].prior = Some(Prior { mean: 3.3e-3, sd: 1e-3 });
+    let found = fit(&wide, &millivolts, &y);
+    assert!(!is_far(&found), "{}", words(&found));
+    assert!(found.parameters[1].value < 0.01, "{}", found.parameters[1].value);
 }
 
 #[test]
