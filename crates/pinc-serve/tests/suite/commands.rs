@@ -134,6 +134,26 @@ fn commands_that_cannot_be_carried_out_change_nothing() {
     other.end();
 }
 
+/// What a controller does not have is not in its answers: no guard, estimator, starts or tube.
+#[test]
+fn an_answer_says_nothing_of_what_there_is_not() {
+    let mut served = Served::new("van-der-pol/control.toml", &["control.state_high=[1.0, inf]"]);
+    let answer = served.ask(&json!({ "y": [0.5, 0.1] }));
+    for absent in ["trust", "model_error", "estimator", "unknowns", "start", "in_tube"] {
+        assert!(answer.get(absent).is_none(), "{absent}: {answer}");
+    }
+    assert_eq!(answer["x"], json!([0.5, 0.1]));
+    assert_eq!(answer["u"].as_array().unwrap().len(), 1);
+    // Bounds are said where there are any: a state without one has none.
+    let described = served.ask(&json!({ "command": "describe" }));
+    assert!(described["states"][1].get("high").is_none(), "{described}");
+    assert!(described["states"][1]["low"].is_f64(), "{described}");
+    for absent in ["model_sha256", "budget_us"] {
+        assert!(described.get(absent).is_none(), "{absent}: {described}");
+    }
+    served.end();
+}
+
 /// A step with less time than any step takes ends at its deadline; one with more than a clock can
 /// say does not.
 #[test]
