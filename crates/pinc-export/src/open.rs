@@ -79,3 +79,45 @@ impl<'a> Open<'a> {
         t.set("WIDTH", width).set("PARAMETERS", defines);
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::Name;
+    use pinc_net::PlainLayer;
+
+    /// Of four parameters the last and the second are arguments, in this order.
+    fn open() -> Open<'static> {
+        Open { values: &[10.0, 20.0, 30.0, 40.0], estimated: &[3, 1] }
+    }
+
+    /// The arguments keep their weights, in their order; the others go into the biases.
+    #[test]
+    fn a_net_is_folded_over_the_parameters_that_are_fixed() {
+        let layer = |weights: Vec<Vec<f64>>, bias: Vec<f64>| PlainLayer { weights, bias };
+        let first = layer(
+            vec![vec![1.0, 2.0, 0.1, 0.2, 0.3, 0.4], vec![3.0, 4.0, -1.0, 5.0, 0.5, 7.0]],
+            vec![100.0, 200.0],
+        );
+        let last = layer(vec![vec![1.0, 2.0]], vec![3.0]);
+        let layers = vec![first, last.clone()];
+        let mut net = FoldedNet { layers, time: vec![0.0; 2], adds_initial_state: false };
+        open().fold(&mut net, 2);
+        // 100 + 0.1*10 + 0.3*30, and 200 - 1*10 + 0.5*30.
+        let rows = vec![vec![1.0, 2.0, 0.4, 0.2], vec![3.0, 4.0, 7.0, 5.0]];
+        assert_eq!(net.layers, [layer(rows, vec![110.0, 205.0]), last]);
+    }
+
+    #[test]
+    fn arguments_have_names_and_values_in_their_order() {
+        assert_eq!((open().count(), open().initial().collect::<Vec<_>>()), (2, vec![40.0, 20.0]));
+        let text = |open: Open<'_>| {
+            let mut template = Template::new(&Name::new("tank").unwrap());
+            open.set(&mut template);
+            template.fill("@PARAMETERS@double u[@WIDTH@];")
+        };
+        assert_eq!(text(Open::default()), "double u[TANK_NU];");
+        let two = text(open());
+        assert!(two.ends_with("#define TANK_NP 2\ndouble u[(TANK_NU + TANK_NP)];"), "{two}");
+    }
+}
