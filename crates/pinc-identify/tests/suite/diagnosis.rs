@@ -71,6 +71,23 @@ fn a_parameter_without_influence_is_named_and_stays() {
     }
 }
 
+/// What the data do not say is known as well as before them: it is at the mean of its prior, with
+/// the prior's standard deviation, times the residuals' and a quantile of Student's distribution.
+#[test]
+fn a_prior_stands_in_for_data() {
+    let (u, y) = data(150);
+    let mut known = with(&[0, 1, 3]);
+    known.unknown[2].prior = Some(Prior { mean: 2.5, sd: 0.3 });
+    let found = fit(&known, &u, &y);
+    assert_eq!(found.findings, []);
+    let idle = &found.parameters[2];
+    assert!((idle.value - 2.5).abs() < 1e-6, "{}", idle.value);
+    let residuals = (2.0 * found.cost / found.degrees_of_freedom as f64).sqrt();
+    let quantile = idle.half_width.unwrap() / (0.3 * residuals);
+    // Of 147 degrees of freedom: 1.976.
+    assert!((quantile - 1.976).abs() < 2e-3, "{quantile} of {}", found.degrees_of_freedom);
+}
+
 /// Only the product of k and gamma counts.
 #[test]
 fn a_pair_that_cannot_be_told_apart_is_named_with_its_direction() {
@@ -138,7 +155,7 @@ fn residuals_with_gaps_between_them_are_examined() {
     let (good, poor) = (measured(&u), measured(&slow));
     let every_second = |k: usize| k.is_multiple_of(2);
     let irregular = |k: usize| k.is_multiple_of(7) || k % 4 == 1;
-    for kept in [&every_second as &dyn Fn(usize) -> bool, &irregular] {
+    for (kept, even) in [(&every_second as &dyn Fn(usize) -> bool, true), (&irregular, false)] {
         let sparse = |y: &[f64]| -> Vec<f64> {
             y.iter().enumerate().map(|(k, y)| if kept(k) { *y } else { f64::NAN }).collect()
         };
@@ -163,7 +180,15 @@ fn residuals_with_gaps_between_them_are_examined() {
             Diagnosis::Misfit { noise, given: false, .. } => Some(*noise),
             _ => None,
         });
-        assert!((0.04..0.1).contains(&misfit.expect(&text)), "{misfit:?}");
+        let noise = misfit.expect(&text);
+        assert!((0.04..0.1).contains(&noise), "{noise}");
+        if even {
+            // A value beside the mean of its neighbours has 1 + 1/4 + 1/4 variances of the noise.
+            let given: Vec<f64> = y.iter().copied().filter(|y| !y.is_nan()).collect();
+            let off = given.windows(3).map(|of| (of[1] - 0.5 * (of[0] + of[2])).powi(2));
+            let expected = (off.sum::<f64>() / (1.5 * (given.len() - 2) as f64)).sqrt();
+            assert!((noise - expected).abs() < 1e-9, "{noise} {expected}");
+        }
     }
 }
 
