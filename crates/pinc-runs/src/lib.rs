@@ -79,7 +79,7 @@ pub use trial::{run_trial, train_shared};
 
 use crate::invocation::invocation;
 use pinc_config::{Experiment, LoopParameters, MOST_STEPS, ModelKind, PlantInTheLoop, Variables};
-use pinc_net::PincNet;
+use pinc_net::{PincNet, TrainingTarget};
 use pinc_ode::Simulator;
 use pinc_record::{
     Metrics, Provenance, RecordError, RunDir, check_page, file, read_file, remove_unfinished,
@@ -523,6 +523,11 @@ fn check_match(experiment: &Experiment, path: &Path, net: &PincNet) -> Result<()
             let expected = format!("one that fits `{key}` ({problem})");
             compared.push(("step length T", found(), expected));
         }
+    }
+    let mut loops = experiment.control.iter().filter(|of| of.models.contains(&ModelKind::Pinc));
+    if net.source() == TrainingTarget::Integrator && loops.any(|of| of.cost.is_some()) {
+        let expected = "physics with [control.cost]: a distilled net knows one length only";
+        compared.push(("training.source", "integrator".to_owned(), expected.to_owned()));
     }
     for (what, found, expected) in compared {
         if found != expected {

@@ -9,6 +9,10 @@ use std::fmt::Write;
 use std::mem;
 use std::path::Path;
 
+/// Why no net is tried where one could be trained on trajectories only, but must not be.
+const ONLY_DISTILLED: &str = "no net was tried, since nets of this plant can only be distilled, and \
+    such a net goes with no [control.cost] and no stages of other lengths";
+
 /// Points over the domain at which a step is looked at, and how long each of its times is measured.
 const ONE_STEP: &str = "[one_step]\npoints = 1024\nmeasure_s = 0.05\n";
 
@@ -86,8 +90,11 @@ impl Base {
             (Some(domain), true) => {
                 let whole = own.model.as_ref().is_none_or(|model| model.time_only.is_none());
                 if whole {
-                    added += &net_sections(&own, domain, longest);
-                    sources = sources_of(&own, stages.len() == 1);
+                    sources = sources_of(&own, stages.len() == 1 && control.cost.is_none());
+                    match sources.is_empty() {
+                        false => added += &net_sections(&own, domain, longest),
+                        true => notes.push(ONLY_DISTILLED.to_owned()),
+                    }
                 } else {
                     notes.push(
                         "no net was tried, since model.time_only makes nets for one scenario"
@@ -265,5 +272,40 @@ mod tests {
         let own = "model.ansatz=\"direct\"";
         let of = base("one-tank.toml", &[own]);
         assert_eq!(of.sources, [TrainingTarget::Physics]);
+    }
+
+    /// The integral of a cost needs states between the ends of steps, which a distilled net lacks.
+    #[test]
+    fn distilled_nets_are_not_tried_with_a_cost() {
+        let text = r#"
+            name = "lag"
+            preset = "ours"
+            seed = 1
+            [plant.expression]
+            states = ["x"]
+            inputs = ["u"]
+            derivatives = { x = "u - x" }
+            [control]
+            models = ["rk4"]
+            step_s = 0.5
+            duration_s = 2.0
+            initial_state = [0.0]
+            controlled = ["x"]
+            q = [1.0]
+            r = [0.1]
+            state_low = [-1.0]
+            state_high = [1.0]
+            input_low = [-1.0]
+            input_high = [1.0]
+            references = [{ start_s = 0.0, value = [0.5] }]
+        "#;
+        let plants = Plants::built_in();
+        let sources = |sets: &[String]| {
+            let experiment = Experiment::parse(Path::new("lag.toml"), text, sets, &plants).unwrap();
+            Base::of(&experiment, &plants).unwrap().sources
+        };
+        assert_eq!(sources(&[]), [TrainingTarget::Integrator, TrainingTarget::Physics]);
+        let cost = "control.cost.stage=\"x^2\"".to_owned();
+        assert_eq!(sources(&[cost]), [TrainingTarget::Physics]);
     }
 }

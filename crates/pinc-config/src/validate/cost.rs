@@ -3,7 +3,7 @@
 use super::values::value;
 use super::{Checked, Problem, expression_finding};
 use crate::control::is_no_weight;
-use crate::{ControlSpec, DisturbanceSpec, Experiment, PlantSpec, Variables};
+use crate::{ControlSpec, DisturbanceSpec, Experiment, ModelKind, Variables};
 use pinc_mpc::SqpHessian;
 
 /// What is written, or left out, of the cost.
@@ -50,6 +50,10 @@ pub(super) fn expressions(
                         without disturbances";
         return value("control.estimator.disturbance", "\"output\"", expected);
     }
+    if experiment.is_distilled() && spec.models.contains(&ModelKind::Pinc) {
+        let expected = "\"physics\" with [control.cost]: a distilled net knows one length only";
+        return value("training.source", "\"integrator\"", expected);
+    }
     let mut taken =
         [variables.state_names(), variables.input_names(), variables.output_names()].concat();
     taken.extend(experiment.plant.parameter_names());
@@ -63,11 +67,7 @@ pub(super) fn expressions(
             return Err((key, Problem::NotFinite(*number)));
         }
     }
-    compiled(cost, &experiment.plant)
-}
-
-fn compiled(cost: &crate::CostSpec, plant: &PlantSpec) -> Checked {
-    cost.beside(plant, &[]).map(drop).map_err(|error| {
+    cost.beside(&experiment.plant, &[]).map(drop).map_err(|error| {
         let (_, problem) = expression_finding("plant", error.clone());
         (format!("control.cost.{}", error.key), problem)
     })

@@ -362,6 +362,20 @@ fn stages_that_make_no_sense_are_refused() {
     }
 }
 
+/// The integral of a cost along a net needs its states between the ends of steps.
+#[test]
+fn a_cost_along_a_distilled_net_is_refused() {
+    let text = read("configs/four-tanks/control.toml");
+    let distilled = ["training.source=integrator", "control.models=[\"pinc\"]"];
+    parse(&text, &distilled).unwrap();
+    let cost = "control.cost.stage=\"u1^2\"";
+    let refused = parse(&text, &[&distilled[..], &[cost]].concat()).unwrap_err();
+    let said = "`training.source`: \"integrator\" given, expected \"physics\" with [control.cost]";
+    assert!(refused.contains(said), "{refused}");
+    // Integrators have a cost of their own, whatever net is trained beside them.
+    parse(&text, &[distilled[0], "control.models=[\"rk4\"]", cost]).unwrap();
+}
+
 /// A disturbance of a state is what a control step adds to it, whatever a stage's length.
 #[test]
 fn disturbances_of_states_are_refused_with_stages_of_other_lengths() {
