@@ -7,6 +7,9 @@ use pinc_config::{ModelKind, TimeUnit};
 use pinc_mpc::SqpStatus;
 use std::fmt;
 
+/// An offset this many times another is due to more than the moment at which a loop settles.
+const CLEARLY: f64 = 1.5;
+
 /// Something that a reader of a run's results should know: what happened, and what to do next.
 #[derive(Debug, PartialEq)]
 pub(crate) struct Finding {
@@ -61,14 +64,18 @@ impl Metrics {
 
     /// A controlled quantity that did not reach some of its references.
     fn not_reached(&self, of: &ControlMetrics, quantity: &str) -> Option<Finding> {
-        let (segment, _, what) = of.references.not_reached(quantity, self.time_unit, |_| true)?;
-        let reaches = |other: &&ControlMetrics| {
-            let known = other.references.offset.get(quantity).and_then(|all| all.get(segment));
-            known.is_some_and(Option::is_some)
-                && other.references.missed(quantity).all(|(k, _)| k != segment)
+        let (segment, most, what) =
+            of.references.not_reached(quantity, self.time_unit, |_| true)?;
+        let reached = |other: &ControlMetrics| {
+            let known = other.references.offset.get(quantity)?.get(segment).copied().flatten()?;
+            let is_missed = other.references.missed(quantity).any(|(k, _)| k == segment);
+            (!is_missed).then_some(known)
         };
-        let mut others = self.control.iter().filter(|other| other.model != of.model);
-        Some(match others.find(reaches) {
+        let others = || self.control.iter().filter(|other| other.model != of.model);
+        let mut exact = others().filter(|other| may_be_blamed(of.model, other.model));
+        let better =
+            exact.find(|other| reached(other).is_some_and(|offset| CLEARLY * offset < most));
+        Some(match better {
             Some(other) => {
                 let advice = format!(
                     "With {} it does, so {} is not accurate enough there: use a larger net, more \
@@ -78,6 +85,13 @@ impl Metrics {
                 );
                 Finding::new(what, advice)
             }
+            None if of.model == ModelKind::Policy && others().filter_map(reached).count() > 0 => {
+                Finding::new(
+                    what,
+                    "Its net does not know later references, as controllers with control.preview \
+                     do: compare it with them under control.preview = false.",
+                )
+            }
             None => Finding::new(
                 what,
                 "Either no input within the bounds holds it (pinc check says which references are \
@@ -85,6 +99,18 @@ impl Metrics {
                  (control.preview), or the plant in the loop differs from the model's plant.",
             ),
         })
+    }
+}
+
+/// Whether the accuracy of `model` may be why it misses a reference that is reached with `other`. A
+/// black box is the plant, integrators have its equations, and nets approximate these; a policy has
+/// no model.
+fn may_be_blamed(model: ModelKind, other: ModelKind) -> bool {
+    match model {
+        ModelKind::Pinc | ModelKind::Integrator(_) => {
+            matches!(other, ModelKind::Integrator(_) | ModelKind::BlackBox)
+        }
+        ModelKind::BlackBox | ModelKind::Policy => false,
     }
 }
 
@@ -268,6 +294,33 @@ mod tests {
                     With RK4 it does,";
         assert!(first.contains(said), "{first}");
         assert!(second.contains("1 of its 3 references") && second.contains("pinc check"));
+    }
+
+    /// A loop may settle just before the next reference, or just not.
+    #[test]
+    fn a_model_is_blamed_for_a_clearly_larger_offset_only() {
+        let fine = [(SqpStatus::Converged, 30)];
+        let missed = |model, offset| of(model, [Some(0.05), Some(offset), None], &fine);
+        let reached = |model, offset| {
+            let mut reached = missed(model, offset);
+            reached.references.settle_s[1] = Some(9.0);
+            reached
+        };
+        let (net, rk4, policy) = (ModelKind::Pinc, ModelKind::RK4, ModelKind::Policy);
+        let blamed = "is not accurate enough";
+        for (worse, offset, better, said) in [
+            (net, 0.3, rk4, blamed),
+            (net, 0.12, rk4, "pinc check"),
+            // An integrator has the plant's own equations.
+            (rk4, 0.3, net, "pinc check"),
+            (rk4, 0.3, policy, "pinc check"),
+            (policy, 0.3, rk4, "does not know later references"),
+        ] {
+            let notes = metrics(vec![missed(worse, offset), reached(better, 0.11)]).loop_notes();
+            let [note] = &notes[..] else { panic!("{notes:?}") };
+            assert!(note.contains(said), "{worse:?} {offset}: {note}");
+            assert_eq!(note.contains(blamed), said == blamed, "{note}");
+        }
     }
 
     /// An offset over few steps has a part of the way to the reference in it.
