@@ -82,11 +82,11 @@ pub(super) fn column_names(plant: &PlantSpec, variables: &Variables) -> Checked 
 /// The columns of variables, each with the name of the variable.
 fn columns(variables: &Variables) -> Vec<(String, &str)> {
     let Variables { states, inputs, outputs } = variables;
-    let ended = states.iter().chain(outputs).flat_map(|v| ENDINGS.map(|ending| (v, ending)));
+    let named = || states.iter().chain(outputs);
+    let ended = named().flat_map(|v| ENDINGS.map(|ending| (v, ending)));
     let ended = ended.map(|(v, ending)| (format!("{}{ending}", v.name), v.name.as_ref()));
-    let measured = MEASURED.into_iter().flat_map(|start| outputs.iter().map(move |v| (start, v)));
-    let begun =
-        measured.chain(states.iter().chain(inputs).chain(outputs).map(|v| (DISTURBANCE, v)));
+    let measured = named().flat_map(|v| MEASURED.map(|start| (start, v)));
+    let begun = measured.chain(named().chain(inputs).map(|v| (DISTURBANCE, v)));
     ended.chain(begun.map(|(start, v)| (format!("{start}{}", v.name), v.name.as_ref()))).collect()
 }
 

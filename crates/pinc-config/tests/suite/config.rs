@@ -376,6 +376,20 @@ fn a_cost_along_a_distilled_net_is_refused() {
     parse(&text, &[distilled[0], "control.models=[\"rk4\"]", cost]).unwrap();
 }
 
+/// A table of estimates has columns for what is measured, be it a state or an output.
+#[test]
+fn states_named_as_columns_of_measurements_are_refused() {
+    for (name, stem) in [("y_x", "x"), ("innovation_x", "x"), ("y_out", "out")] {
+        let text = format!(
+            "name = \"n\"\npreset = \"ours\"\nseed = 1\n[plant.expression]\nstates = [\"x\", \"{name}\"]\n\
+             inputs = [\"u\"]\nderivatives = {{ x = \"u\", {name} = \"x\" }}\noutputs = {{ out = \"2*x\" }}\n"
+        );
+        let refused = parse(&text, &[]).unwrap_err();
+        let said = format!("this one is a column of {stem} in tables of runs");
+        assert!(refused.contains("states[1]") && refused.contains(&said), "{refused}");
+    }
+}
+
 /// A disturbance of a state is what a control step adds to it, whatever a stage's length.
 #[test]
 fn disturbances_of_states_are_refused_with_stages_of_other_lengths() {
