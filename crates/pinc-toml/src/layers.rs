@@ -166,10 +166,17 @@ impl Layers {
     /// Takes a key away, wherever it was written. Returns the key if there is none.
     fn take_away(&mut self, key: &str) -> Result<(), String> {
         let (parents, last) = key.rsplit_once('.').unwrap_or(("", key));
-        let mut keys = parents.split('.').filter(|key| !key.is_empty());
-        let table = keys.try_fold(&mut self.table, |table, key| table.get_mut(key)?.as_table_mut());
-        let old = table.and_then(|table| table.remove(last)).ok_or_else(|| key.to_owned())?;
-        forget(&mut self.origins, key, &old);
+        let mut path = String::new();
+        let mut root = Value::Table(std::mem::take(&mut self.table));
+        let mut place = Some(&mut root);
+        for key in parents.split('.').filter(|key| !key.is_empty()) {
+            place = place.and_then(|value| existing(value, key, &mut path));
+        }
+        let old = place.and_then(Value::as_table_mut).and_then(|table| table.remove(last));
+        if let Value::Table(table) = root {
+            self.table = table;
+        }
+        forget(&mut self.origins, &join(&path, last), &old.ok_or_else(|| key.to_owned())?);
         Ok(())
     }
 }
@@ -224,6 +231,17 @@ fn child<'a>(parent: &'a mut Value, key: &str, path: &mut String) -> Option<&'a 
             Some(item)
         }
         _ => None,
+    }
+}
+
+/// The value under `key`, if it is there; adds the key to `path`.
+fn existing<'a>(parent: &'a mut Value, key: &str, path: &mut String) -> Option<&'a mut Value> {
+    match parent {
+        Value::Table(table) => {
+            *path = join(path, key);
+            table.get_mut(key)
+        }
+        other => child(other, key, path),
     }
 }
 

@@ -295,6 +295,10 @@ fn keys_can_be_taken_away() {
         ("prediction", "there is no key `prediction`"),
         ("control..q", "expected a key, as training.lambda"),
         ("control.q", "`control.q`: missing"),
+        // List elements are named by index, as in a --set.
+        ("control.references.1.start_s", "`control.references[1].start_s`: missing"),
+        ("control.references.1.start", "there is no key `control.references.1.start`"),
+        ("control.references.9.start_s", "there is no key `control.references.9.start_s`"),
         ("preset", "`preset`: missing"),
     ] {
         let found = parse(&text, &[&format!("--unset {key}")]).unwrap_err();
