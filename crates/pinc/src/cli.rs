@@ -3,7 +3,7 @@
 use crate::choices::{CertifyArgs, Outside, RunArgs, SetArgs, SweepArgs, To, loopback, model_kind};
 use crate::chosen::ChooseArgs;
 use crate::options::{arguments, judged, may_begin_afresh, options, verbosity};
-use crate::printed::{failure, show, usage};
+use crate::printed::{failure, show, unusable, usage};
 use crate::served::Served;
 use crate::shrunk::ShrinkArgs;
 use crate::summary::summary;
@@ -493,7 +493,11 @@ fn check(
     sets: &[String],
     plants: &Plants,
 ) -> Result<ExitCode, RunError> {
-    let experiment = Experiment::load(config, sets, plants)?;
+    let loaded = Experiment::load(config, sets, plants);
+    if let (Err(error), true) = (&loaded, json) {
+        console::line(&unusable(config, error))?;
+    }
+    let experiment = loaded?;
     let findings = pinc_runs::check_watched(&experiment, verbosity(quiet));
     if json {
         console::line(&pinc_runs::findings_json(&findings))?;

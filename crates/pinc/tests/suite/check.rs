@@ -237,6 +237,26 @@ fn findings_are_printed_as_text_or_as_json() {
     assert!(all.iter().all(|finding| finding["what"].is_string()), "{json}");
 }
 
+/// Programs that read the findings read the error of a config, too.
+#[test]
+fn the_error_of_an_unusable_config_is_a_finding_in_json() {
+    let config = repository("configs/four-tanks/main.toml");
+    let place = |config: &std::ffi::OsStr, set: &str| {
+        let arguments =
+            ["check".as_ref(), config, "--json".as_ref(), "--set".as_ref(), set.as_ref()];
+        let outcome = outcome(&mut pinc(&arguments));
+        assert_eq!(outcome.code, Some(2), "{outcome:?}");
+        let json: serde_json::Value = serde_json::from_str(&outcome.stdout).unwrap();
+        let [finding] = &json.as_array().unwrap()[..] else { panic!("{json}") };
+        assert_eq!(finding["severity"], "error");
+        let what = finding["what"].as_str().unwrap();
+        assert!(outcome.stderr.contains(what), "{outcome:?}");
+        finding["place"].as_str().unwrap().to_owned()
+    };
+    assert_eq!(place(config.as_os_str(), "control.nuu=1"), "control.nuu");
+    assert_eq!(place("none.toml".as_ref(), "seed=1"), "none.toml");
+}
+
 /// The chemostat with a pole at S = -0.1, rates per hour; `S` is how the growth rate has the
 /// substrate.
 fn chemostat(substrate: &str) -> Experiment {
