@@ -219,6 +219,43 @@ fn gaps_and_several_files_are_taken() {
         .assert_refused(&["second.csv:1: column `k` is a parameter"]);
 }
 
+/// An output that depends on the input is read in the first row under `control.initial_input`, in
+/// files of the fit and in those held out, as `pinc estimate` reads it.
+#[test]
+fn the_first_row_is_read_under_the_initial_input_of_the_loop() {
+    let (dir, config) = directory(
+        "name = \"lag\"\npreset = \"ours\"\nseed = 1\n[plant.expression]\nstates = [\"x\"]\n\
+         inputs = [\"u\"]\nparameters = { a = 0.5 }\nderivatives = { x = \"a*(u - x)\" }\n\
+         outputs = { sum = \"x + u\" }\n[identify]\nmeasured = [\"sum\"]\n\
+         measurement_sd = [0.01]\ninitial_state = [0.0]\n\
+         parameters = [{ name = \"a\", initial = 0.3 }]\n[control]\nmodels = [\"rk4\"]\n\
+         step_s = 1.0\nduration_s = 10.0\ninitial_state = [0.0]\ninitial_input = [2.0]\n\
+         controlled = [\"x\"]\nq = [1.0]\nr = [1.0]\ninput_low = [-3.0]\ninput_high = [3.0]\n\
+         references = [{ start_s = 0.0, value = [0.0] }]\n",
+    );
+    let (mut csv, mut x, mut before) = ("t,u,y_sum\n".to_owned(), 1.0, 2.0);
+    for k in 0..40 {
+        let u = f64::from(k).sin();
+        let _ = writeln!(csv, "{k},{u},{}", x + before);
+        (x, before) = (u + (x - u) * (-0.5_f64).exp(), u);
+    }
+    let data = text(&dir.path().join("lag.csv"));
+    fs::write(&data, csv).unwrap();
+    let run = |out: &str, set: &[&str]| {
+        let out = text(&dir.path().join(out));
+        let files = ["identify", &config, "--data", &data, "--validate", &data, "--out", &out];
+        let outcome = outcome(pinc(&files).args(set));
+        assert_eq!(outcome.code, Some(0), "{outcome:?}");
+        let found = json(Path::new(&out));
+        [&found["cost"], &found["held_out"][0]["rms"]["sum"]].map(|of| of.as_f64().unwrap())
+    };
+    let [cost, rms] = run("known", &[]);
+    assert!(cost < 1e-3 && rms < 1e-4, "{cost} {rms}");
+    // Without that key it is read under its own input, which was another.
+    let [cost, rms] = run("unknown", &["--unset", "control.initial_input"]);
+    assert!(cost > 1.0 && rms > 1e-3, "{cost} {rms}");
+}
+
 /// The models of a loop have another gamma than the plant's section: with it an integrator is fitted,
 /// as a net would be.
 #[test]
