@@ -96,6 +96,8 @@ fn a_loop_in_c_begins_with_the_input_of_the_config() {
         "control.increment_high=[0.15]",
         "control.max_failed_share=1.0",
         "control.duration_s=20.0",
+        // Some steps are slow, and C has no other Hessian.
+        "control.sqp.hessian=gauss-newton",
     ];
     for more in [&["control.preview=false"][..], &["control.delay_steps=2"]] {
         let sets = begun.iter().chain(more).flat_map(|set| ["--set", set]).collect::<Vec<_>>();
