@@ -177,4 +177,48 @@ mod tests {
         assert!((unseen[0].eigenvalue.im - 0.5).abs() < 1e-9);
         assert!(unseen_modes(&a, &[1.0, 0.0, 0.0], 3).is_empty());
     }
+
+    /// What goes round without growth or decay lasts, whichever way it points in between: a quarter
+    /// of a turn in each step, or a change of sign.
+    #[test]
+    fn an_oscillation_that_lasts_unseen_is_found() {
+        let quarter = [0.0, -1.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.5];
+        let unseen = unseen_modes(&quarter, &[0.0, 0.0, 1.0], 3);
+        assert_eq!((unseen.len(), unseen[0].rank), (1, 2));
+        let UnseenMode { eigenvalue, direction, .. } = &unseen[0];
+        assert!(eigenvalue.re.abs() < 1e-9 && (eigenvalue.im - 1.0).abs() < 1e-9, "{eigenvalue:?}");
+        // Both states of the oscillation, and not the third.
+        for (found, expected) in direction.iter().zip([1.0, 1.0, 0.0]) {
+            assert!((found - expected).abs() < 1e-9, "{direction:?}");
+        }
+        assert!(unseen_modes(&quarter, &[1.0, 0.0, 0.0], 3).is_empty());
+        let unseen = unseen_modes(&[-1.0, 0.0, 0.0, 0.5], &[0.0, 1.0], 2);
+        assert_eq!((unseen.len(), unseen[0].rank), (1, 1));
+        assert!((unseen[0].eigenvalue.re + 1.0).abs() < 1e-9, "{unseen:?}");
+        // Slightly damped, it is gone some time.
+        assert!(unseen_modes(&[-0.999, 0.0, 0.0, 0.5], &[0.0, 1.0], 2).is_empty());
+    }
+
+    /// Along a trajectory: of two states that stay, the sum alone is seen. The difference is not,
+    /// unless it decays to less than half in the end.
+    #[test]
+    fn what_is_not_seen_along_a_trajectory_has_to_last() {
+        let steps = |factor: f64, count: usize| {
+            let a = vec![
+                0.5 * (1.0 + factor),
+                0.5 * (1.0 - factor),
+                0.5 * (1.0 - factor),
+                0.5 * (1.0 + factor),
+            ];
+            vec![(a, vec![1.0, 1.0]); count]
+        };
+        let unseen = unseen_along(&steps(1.0, 4), 2).unwrap();
+        assert_eq!(unseen.rank, 1);
+        assert!(unseen.direction.iter().all(|part| (part - 1.0).abs() < 1e-9), "{unseen:?}");
+        // 0.9^6 = 0.53, and 0.9^7 = 0.48.
+        assert!(unseen_along(&steps(0.9, 6), 2).is_some());
+        assert!(unseen_along(&steps(0.9, 7), 2).is_none());
+        // One measurement is too few to tell.
+        assert!(unseen_along(&steps(1.0, 1), 2).is_none());
+    }
 }

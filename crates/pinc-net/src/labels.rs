@@ -125,3 +125,39 @@ impl Directions {
         drawn.iter().zip(half_widths).map(|(v, half)| v / length * *half).collect()
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{Domain, NetConfig};
+    use pinc_plants::VanDerPol;
+
+    /// Directions have unit length where half the width of each range is 1, whatever the range is,
+    /// and each is another one.
+    #[test]
+    fn directions_have_the_scale_of_the_domain() {
+        let domain = Domain::new([0.0..=1.0, -3.0..=3.0], [-1.0..=3.0]);
+        let plant = VanDerPol::default();
+        let mut net = PincNet::new(&plant, &NetConfig::new(0.3, 1, 2), &domain, 3).unwrap();
+        let labels = |net: &PincNet, derivatives: bool| {
+            Labels::for_net(&plant, net, derivatives, (5, Purpose::Directions)).unwrap()
+        };
+        assert!(labels(&net, true).is_none(), "trained on the equation");
+        net.source = TrainingTarget::Integrator;
+        assert!(matches!(labels(&net, false).unwrap().source, Source::Values(_)));
+        let Source::Slopes(_, mut directions) = labels(&net, true).unwrap().source else {
+            panic!("derivatives are wanted");
+        };
+        let drawn: Vec<Vec<f64>> = (0..40).map(|_| directions.draw()).collect();
+        let mut largest = [0.0_f64; 3];
+        for of in &drawn {
+            let scaled: Vec<f64> =
+                of.iter().zip([0.5, 3.0, 2.0]).map(|(v, half)| v / half).collect();
+            let length = scaled.iter().map(|v| v * v).sum::<f64>().sqrt();
+            assert!((length - 1.0).abs() < 1e-12, "{of:?}");
+            largest.iter_mut().zip(scaled).for_each(|(most, v)| *most = most.max(v.abs()));
+        }
+        assert!(largest.iter().all(|most| *most > 0.8), "all variables move: {largest:?}");
+        assert!(drawn.windows(2).all(|pair| pair[0] != pair[1]));
+    }
+}

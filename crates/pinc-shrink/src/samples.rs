@@ -306,3 +306,48 @@ fn one(
     let slope = slope.filter(|slope| slope.iter().all(|value| value.is_finite()));
     Ok(Some(Label { at: at.to_vec(), plan, direction: direction.to_vec(), slope, sides }))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use pinc_mpc::{Bounded, Tracked, Weights};
+
+    const INFINITE: f64 = f64::INFINITY;
+
+    /// Bounds of states and outputs move inwards: by a part of half their width, or of 1 and the bound
+    /// where there is one alone. Bounds of inputs stay.
+    #[test]
+    fn plans_keep_a_distance_from_bounds_of_states_and_outputs() {
+        let dims = Dims::new(2, 1).with_outputs(1);
+        let problem = NmpcProblem {
+            tracked: Tracked::states([0]),
+            state_bounds: Bounds::new(vec![-2.0, 4.0], vec![3.0, INFINITE]),
+            input_bounds: Bounds::new(vec![-1.0], vec![1.0]),
+            output_bounds: Some(Bounds::new(vec![-INFINITE], vec![-4.0])),
+            ..NmpcProblem::new(dims, 3, Weights::uniform(vec![1.0], vec![1.0]))
+        };
+        let bounds = tightened(&problem, dims, 0.01).unwrap();
+        for (of, expected) in [
+            (Bounded::State(0), [-1.975, 2.975]),
+            (Bounded::State(1), [4.05, INFINITE]),
+            (Bounded::Input(0), [-1.0, 1.0]),
+            (Bounded::Output(0), [-INFINITE, -4.05]),
+        ] {
+            for (found, expected) in bounds.at(0, of).into_iter().zip(expected) {
+                let near = found.total_cmp(&expected).is_eq() || (found - expected).abs() < 1e-12;
+                assert!(near, "{of:?}: {found} {expected}");
+            }
+        }
+        let own = tightened(&problem, dims, 0.0).unwrap();
+        assert_eq!(own.at(0, Bounded::State(0)).to_vec(), [-2.0, 3.0]);
+    }
+
+    /// A loop that follows two values for ten steps each has five situations of every fourth step and,
+    /// after each of two jumps, two more that are not among these; beside each is one drawn around it.
+    #[test]
+    fn situations_of_a_loop_are_counted() {
+        assert_eq!(Drawn::per_loop(10), 2 * (5 + 2 * 2));
+        assert_eq!(Drawn::per_loop(1), 0);
+        assert_eq!(Drawn::per_loop(2), 2 * (1 + 2));
+    }
+}

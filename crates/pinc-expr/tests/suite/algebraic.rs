@@ -336,20 +336,21 @@ fn lanes_without_a_root_do_not_disturb_others() {
 fn a_critical_term_of_unknowns_has_the_same_value_alone() {
     let mut equations = Equations {
         algebraic: [("z".to_owned(), unknown("z + z^3 - x - u", None, [-10.0, 10.0]))].into(),
-        derivatives: texts(&[("x", "sqrt(z + 0.5)/(2 + x)"), ("y", "-y")]),
+        derivatives: texts(&[("x", "sqrt(z + 0.5)/(2 + x)"), ("y", "-y*sqrt(z + x)")]),
         ..frame()
     };
     equations.inputs = variables(&["u"]);
     let terms = equations.critical_terms().unwrap();
     let at = [0.7, 0.0, 1.3];
     let together = terms.values(&at);
-    assert!(terms.list().len() >= 2, "{:?}", terms.list());
+    assert!(terms.list().len() >= 3, "{:?}", terms.list());
     for (i, term) in terms.list().iter().enumerate() {
         let alone = terms.alone(i);
         assert_eq!(alone.value(&at).to_bits(), together[i].to_bits(), "{term:?}");
-        // The radicand depends on all through z = 1; the denominator on x only.
+        // Radicands depend on all through z = 1, beside x or not; the denominator on x only.
         let expected: &[usize] = if term.text.contains('z') { &[0, 1, 2] } else { &[0] };
         assert_eq!(alone.variables(), expected, "{term:?}");
     }
     assert!((together[0] - 1.5).abs() < 1e-12, "{together:?}");
+    assert!(together.iter().any(|value| (value - 1.7).abs() < 1e-12), "{together:?}");
 }

@@ -89,3 +89,51 @@ fn without_a_value_at_one_end_of_an_interval_there_is_no_distance() {
         assert!(found.states.iter().all(|by| by.is_nan()), "{low}: {found:?}");
     }
 }
+
+/// x\[k+1\] = x + exp(u p)
+#[derive(Debug)]
+struct Exponential;
+
+impl Model for Exponential {
+    fn dims(&self) -> Dims {
+        DIMS.with_parameters(1)
+    }
+
+    fn sample_time_s(&self) -> f64 {
+        1.0
+    }
+
+    fn step(&mut self, x: &[f64], u: &[f64], p: &[f64], next: &mut [f64]) {
+        next[0] = x[0] + (u[0] * p[0]).exp();
+    }
+
+    fn linearize(&mut self, _: Stages<'_>, _: Linearization<'_>) {
+        unreachable!("the test gives A and B")
+    }
+
+    fn linearize_output(&mut self, _: Stages<'_>, _: OutputLinearization<'_>) {
+        // It has no outputs.
+    }
+}
+
+/// Where a parameter moves the state further at its lower end, this counts with the other sign, as the
+/// parameter is the same in all steps: p raises the state where u = 1 and lowers it where u = -1.
+#[test]
+fn steps_deviate_along_one_direction_of_a_parameter() {
+    let parameters = vec![Interval { place: 0, low: -0.5, high: 0.5 }];
+    let sources = Sources { parameters, ..Sources::default() };
+    let units = TubeUnits { states: vec![1.0], inputs: vec![1.0] };
+    let model = TubeModel { model: Box::new(Exponential), more: vec![0.0] };
+    let feedback = Feedback::Given(vec![K]);
+    let mut tube = EllipsoidTube::new((DIMS, N), sources, Some(model), feedback, units).unwrap();
+    let plan = Stages { x: &[0.0; N], u: &[1.0, -1.0, 1.0], p: &[] };
+    let mut found = BackOffs { states: vec![0.0; N], inputs: vec![0.0; N], ..BackOffs::default() };
+    tube.write(AlongPlan::new(plan, [&[A; N], &[B; N]], DIMS, 0), &mut found);
+    let (farther, m) = (0.5_f64.exp() - 1.0, A + B * K);
+    let first = farther;
+    let second = m * first - farther;
+    let third = m * second + farther;
+    for (found, expected) in found.states.iter().zip([first, second, third]) {
+        assert!((found - expected.abs()).abs() < 1e-12, "{found} {expected}");
+    }
+}

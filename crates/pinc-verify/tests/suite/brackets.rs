@@ -129,6 +129,23 @@ fn a_bound_below_the_largest_error_is_not_proven() {
     }
 }
 
+/// One error beyond its tolerance is enough, whatever is asked of the other state.
+#[test]
+fn an_error_beyond_its_tolerance_refutes_it() {
+    let net = fresh_net(&domain());
+    let error = StepError::new(&oscillator(), &[], 1, StepModel::Net(&net), 0.3).unwrap();
+    let refuted = |tolerance: Option<[f64; 2]>| {
+        let tolerance = tolerance.map(Vec::from);
+        let settings = SearchSettings { tolerance, ..of(1.1) };
+        Search::new(&error, &ends(&domain()), settings, 1).unwrap().is_refuted()
+    };
+    assert!(!refuted(None));
+    assert!(!refuted(Some([f64::INFINITY; 2])) && !refuted(Some([100.0; 2])));
+    assert!(refuted(Some([1e-6, f64::INFINITY])));
+    assert!(refuted(Some([f64::INFINITY, 1e-6])));
+    assert!(refuted(Some([1e-6; 2])));
+}
+
 /// Whatever the number of threads, and whether it was stored meanwhile, a search is the same.
 #[test]
 fn searches_can_be_stored_and_do_not_depend_on_threads() {

@@ -1,8 +1,9 @@
 //! The estimated error beside the true one.
 
 use crate::support::{ends, equations, lattice, net_model, truth};
-use pinc_net::{Ansatz, Domain, NetConfig, PincNet, TrainingTarget};
-use pinc_verify::ErrorEstimate;
+use pinc_net::{Ansatz, Domain, NetConfig, PincModel, PincNet, TrainingTarget};
+use pinc_ode::{LinearizationBuffer, Model, Stages};
+use pinc_verify::{ChainedError, ErrorEstimate};
 
 /// A net of two states and one input that has learnt nothing, for a linear plant, whose errors obey
 /// the estimate's equation however large they are.
@@ -105,4 +106,36 @@ fn a_distilled_net_of_a_stiff_plant_is_judged_by_a_stable_integrator() {
             }
         }
     }
+}
+
+/// After a step an error is what the net makes of it, and the error of the step: also of a step of
+/// another length, which a distilled net does not know.
+#[test]
+fn an_error_is_carried_along_a_chain() {
+    let domain = Domain::new([-1.0..=1.0, -1.0..=1.0], [-1.0..=1.0]);
+    let equations = equations(&[("x", "y - x/2"), ("y", "u - 2*x - 0.3*y")]);
+    let plant = || equations.to_dyn().unwrap();
+    let net = PincNet::new(&*plant(), &NetConfig::new(0.4, 2, 6), &domain, 3).unwrap();
+    let distilled = distilled(&net);
+    let (x, u, before) = ([0.3, -0.2], [0.5], [0.01, -0.03]);
+    for (net, t) in [(&net, 0.4), (&distilled, 0.4), (&net, 0.1), (&net, 0.4)] {
+        let mut chained = ChainedError::new(net, plant()).unwrap();
+        let found = chained.step(net, t, [&x, &u, &[]], &before);
+        let mut model = PincModel::at(net, t).unwrap();
+        let mut room = LinearizationBuffer::new(model.dims(), 1);
+        model.linearize(Stages { x: &x, u: &u, p: &[] }, room.as_mut());
+        let mut own = [0.0; 2];
+        ErrorEstimate::at(net, &*plant(), t).unwrap().write(&x, &u, &[], &mut own);
+        for i in 0..2 {
+            let expected = room.a[2 * i] * before[0] + room.a[2 * i + 1] * before[1] + own[i];
+            assert!((found[i] - expected).abs() < 1e-12, "{t}: {found:?} {expected}");
+        }
+        assert!(own.iter().all(|e| e.abs() > 1e-6), "{own:?}");
+    }
+    let mut chained = ChainedError::new(&distilled, plant()).unwrap();
+    let unknown = chained.step(&distilled, 0.1, [&x, &u, &[]], &before);
+    assert!(unknown.len() == 2 && unknown.iter().all(|e| e.is_nan()), "{unknown:?}");
+    // It still knows its own.
+    let known = chained.step(&distilled, 0.4, [&x, &u, &[]], &before);
+    assert!(known.iter().all(|e| e.is_finite()), "{known:?}");
 }
