@@ -31,7 +31,7 @@ const STEPS: usize = 20;
 /// sensible one.
 pub fn controller_to_c(
     controller: &Controller<'_>,
-    (library, beside): (Nmpc, Vec<GeneratedFile>),
+    (mut library, beside): (Nmpc, Vec<GeneratedFile>),
     name: &Name,
     origin: &Origin,
 ) -> Result<Vec<GeneratedFile>, ExportError> {
@@ -44,6 +44,8 @@ pub fn controller_to_c(
         }
         None => without_estimate(&mut t),
     }
+    // A step for which generated C lacks the exact Hessian has no other answer here.
+    library.leave_out_exact_hessian();
     let selftest = match controller.estimator {
         None => {
             set_selftest(&mut t, controller, library)?;

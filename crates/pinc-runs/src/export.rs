@@ -6,7 +6,6 @@ use super::proof::{certificate, matching};
 use super::shared_library::shared_libraries;
 use super::{chainable, parse_model, read_matching_model};
 use crate::RunError;
-use crate::control::LoopSetup;
 use pinc_config::{
     ControlSpec, EstimatorKind, Experiment, ModelKind, NetErrorSpec, OnError, UncertaintySpec,
     Variables, sha256,
@@ -17,7 +16,7 @@ use pinc_export::{
     FmiVersion, GeneratedFile, ModelSource, Name, Origin, Precision, RungeKuttaModel, net_to_onnx,
 };
 use pinc_expr::PlantEquations;
-use pinc_mpc::{Nmpc, NmpcProblem, SqpConfig, SqpHessian};
+use pinc_mpc::{Nmpc, NmpcProblem};
 use pinc_ode::{DynPlant, Integrator};
 use pinc_record::{RecordError, read_file, write_atomically};
 use pinc_tube::normal_quantile;
@@ -229,10 +228,7 @@ pub fn export_controller_with(
     };
     let files = match to {
         Target::C => {
-            // A step for which generated C lacks the exact Hessian has no other answer here.
-            let sqp = SqpConfig { hessian: SqpHessian::GaussNewton, ..spec.sqp };
-            let of = LoopSetup { spec: &ControlSpec { sqp, ..spec.clone() }, ..chosen.setup() };
-            let mut library = of.controller(chosen.kind, &*chosen.plant)?;
+            let mut library = setup.controller(chosen.kind, &*chosen.plant)?;
             if let Some(u) = controller.initial_input {
                 library.reset_input(u)?;
             }

@@ -8,7 +8,9 @@ use pinc_export::{
     controller_to_c,
 };
 use pinc_expr::{Equations, PlantEquations};
-use pinc_mpc::{Bounds, NmpcProblem, Reference, Softness, SqpConfig, Tracked, Trust, Weights};
+use pinc_mpc::{
+    Bounds, NmpcProblem, Reference, Softness, SqpConfig, SqpHessian, Tracked, Trust, Weights,
+};
 use pinc_net::{Domain, NetConfig, PincModel, PincNet};
 use pinc_ode::{Dims, Integrator, Model, Variable, WithOutputs};
 use pinc_plants::{FourTanks, VanDerPol};
@@ -92,6 +94,11 @@ impl Draws {
     pub(crate) fn between(&mut self, low: f64, high: f64) -> f64 {
         low + self.unit() * (high - low)
     }
+}
+
+/// The Hessian that generated C has.
+pub(crate) fn gauss_newton() -> SqpConfig {
+    SqpConfig { hessian: SqpHessian::GaussNewton, ..SqpConfig::default() }
 }
 
 /// A case: a controller, the plant it is tried on, and the box that states are drawn from.
@@ -424,7 +431,7 @@ pub(crate) fn oscillator_case() -> Case {
             input_bounds: Bounds::new(vec![-1.0], vec![1.0]),
             ..NmpcProblem::new(Dims::new(2, 1), 5, weights)
         },
-        config: SqpConfig::default(),
+        config: gauss_newton(),
         source: Source::runge_kutta(oscillator(), Integrator::Rk4, 4),
         parameters: Vec::new(),
         low: vec![-1.3, -1.3],
@@ -445,7 +452,7 @@ pub(crate) fn tanks_case() -> Case {
             input_bounds: Bounds::new(vec![0.0; 2], vec![5.0; 2]),
             ..NmpcProblem::new(Dims::new(4, 2), 10, weights)
         },
-        config: SqpConfig::default(),
+        config: gauss_newton(),
         source: Source::runge_kutta(tanks(), Integrator::Rk4, 2),
         parameters: Vec::new(),
         low: vec![1.0, 1.0, 0.3, 0.3],

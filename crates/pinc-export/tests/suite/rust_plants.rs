@@ -1,7 +1,7 @@
 //! Controllers of plants in Rust, whose recorded equations are written in C.
 
-use super::controller::{Begin, Case, Source, compare};
-use pinc_mpc::{Bounds, NmpcProblem, SqpConfig, Tracked, Weights};
+use super::controller::{Begin, Case, Source, compare, gauss_newton};
+use pinc_mpc::{Bounds, NmpcProblem, Tracked, Weights};
 use pinc_ode::{Dims, Integrator};
 use pinc_plants::{AcetoneStill, HydraulicServo};
 
@@ -17,7 +17,7 @@ fn the_servos_controller_takes_the_librarys_steps() {
             input_bounds: Bounds::new(vec![-0.75], vec![0.75]),
             ..NmpcProblem::new(Dims::new(4, 1), 10, weights)
         },
-        config: SqpConfig::default(),
+        config: gauss_newton(),
         source: Source::runge_kutta(HydraulicServo::default().equations(), Integrator::Rk4, 10),
         parameters: Vec::new(),
         low: vec![-0.01, -0.05, -3.0, -0.2],
@@ -41,7 +41,7 @@ fn the_stills_controller_takes_the_librarys_steps() {
             input_bounds: Bounds::new(vec![2.0, 30.0], vec![6.0, 160.0]),
             ..NmpcProblem::new(Dims::new(2, 2), 5, weights)
         },
-        config: SqpConfig::default(),
+        config: gauss_newton(),
         source: Source::runge_kutta(AcetoneStill::default().equations(), Integrator::Rk4, 2),
         parameters: Vec::new(),
         low: vec![0.08, 0.15],

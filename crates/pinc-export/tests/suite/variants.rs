@@ -1,6 +1,8 @@
 //! Controllers by other methods, in other units, and with outputs, against the library's.
 
-use super::controller::{Case, Source, compare, equations, oscillator, oscillator_case};
+use super::controller::{
+    Case, Source, compare, equations, gauss_newton, oscillator, oscillator_case,
+};
 use pinc_mpc::{Bounds, NmpcProblem, QpMethod, Softness, SqpConfig, Tracked, Weights};
 use pinc_ode::{Dims, Integrator};
 
@@ -178,7 +180,7 @@ fn controllers_without_a_weight_on_the_input_take_the_librarys_steps() {
             input_bounds: Bounds::new(vec![-1.0], vec![1.0]),
             ..NmpcProblem::new(Dims::new(lags, 1), 12, weights)
         },
-        config: SqpConfig { qp: QpMethod::Condensed, ..SqpConfig::default() },
+        config: SqpConfig { qp: QpMethod::Condensed, ..gauss_newton() },
         source: Source::runge_kutta(chain, Integrator::Rk4, 1),
         low: vec![-0.5; lags],
         high: vec![0.5; lags],

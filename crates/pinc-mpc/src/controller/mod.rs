@@ -184,6 +184,13 @@ impl Nmpc {
         self.horizon.times()
     }
 
+    /// Leaves out the exact Hessian, as generated C does, which `SqpHessian::Auto` takes in slow steps.
+    pub fn leave_out_exact_hessian(&mut self) {
+        self.sqp.leave_out_exact_hessian();
+        let others = self.guard.iter_mut().filter_map(|guard| guard.substitute.as_mut());
+        others.for_each(|other| other.leave_out_exact_hessian());
+    }
+
     /// The parameters p of the model.
     #[must_use]
     pub fn parameters(&self) -> &[f64] {

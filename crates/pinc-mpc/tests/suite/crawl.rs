@@ -63,9 +63,34 @@ fn soft_bounds_of_a_curved_model_take_few_programs() {
     follow_the_reactors(SqpConfig::default(), 40);
 }
 
-/// Each of the first steps converges with `most` programs.
-fn follow_the_reactors(config: SqpConfig, most: usize) {
-    let mut plant = Rk4::new(Reactors, 12.0, 2);
+/// Without the exact Hessian, which generated C has not, the default is Gauss-Newton.
+#[test]
+fn the_exact_hessian_can_be_left_out() {
+    let only = SqpConfig { hessian: SqpHessian::GaussNewton, ..SqpConfig::default() };
+    let (mut default, mut only) = (reactors(SqpConfig::default()), reactors(only));
+    default.leave_out_exact_hessian();
+    let reference = [0.7599491152946728, 0.41021233972075666].repeat(9);
+    let (mut found, mut slow) = (Vec::new(), 0);
+    for nmpc in [&mut default, &mut only] {
+        let mut x = REACTORS.to_vec();
+        for _ in 0..4 {
+            let step = nmpc.step(&x, &reference).unwrap();
+            slow += usize::from(step.status == SqpStatus::IterationLimit);
+            found.push((step.status, step.sqp_iterations, step.u.to_vec()));
+            x = nmpc.plan().states()[..4].to_vec();
+        }
+    }
+    assert!(slow > 0);
+    assert_eq!(found[..4], found[4..]);
+}
+
+/// Where the reactors begin.
+const REACTORS: [f64; 4] =
+    [1.4745443038321122, 0.8280424584647441, 0.8807752117187858, 1.207398173591761];
+
+/// The controller of the reactors.
+fn reactors(config: SqpConfig) -> Nmpc {
+    let plant = Rk4::new(Reactors, 12.0, 2);
     let penalty = vec![15.39791914491194, 66.48495461426836, 76.20021677828072, 31.768582086702537];
     let q = vec![4.4621445807819535, 1.56465720387678];
     let r = vec![85.416_244_334_033, 3_534.698_612_089_666_6];
@@ -81,9 +106,15 @@ fn follow_the_reactors(config: SqpConfig, most: usize) {
         ),
         ..NmpcProblem::new(plant.dims(), 9, Weights::uniform(q, r))
     };
-    let mut nmpc = Nmpc::new(problem, Box::new(plant.clone()), config).unwrap();
-    let mut x = vec![1.4745443038321122, 0.8280424584647441, 0.8807752117187858, 1.207398173591761];
-    nmpc.reset_to(&x, &[0.023535599769885084, 0.006729475913295518]).unwrap();
+    let mut nmpc = Nmpc::new(problem, Box::new(plant), config).unwrap();
+    nmpc.reset_to(&REACTORS, &[0.023535599769885084, 0.006729475913295518]).unwrap();
+    nmpc
+}
+
+/// Each of the first steps converges with `most` programs.
+fn follow_the_reactors(config: SqpConfig, most: usize) {
+    let (mut nmpc, mut plant) = (reactors(config), Rk4::new(Reactors, 12.0, 2));
+    let mut x = REACTORS.to_vec();
     let reference = [0.7599491152946728, 0.41021233972075666].repeat(9);
     for k in 0..12 {
         let step = nmpc.step(&x, &reference).unwrap();

@@ -4,6 +4,7 @@
 mod tests;
 
 use super::{Point, Sqp, StepInput};
+use crate::SqpHessian;
 use crate::curvature::Purpose;
 use crate::horizon::Horizon;
 use crate::kkt::KktResidual;
@@ -121,6 +122,12 @@ impl Need {
 }
 
 impl Sqp {
+    /// Leaves out the exact Hessian, and with it the phase.
+    pub(crate) fn leave_out_exact_hessian(&mut self) {
+        self.config.hessian = SqpHessian::GaussNewton;
+        self.interior = None;
+    }
+
     /// Goes on from the plan by the barrier method, to the tolerance or to the most iterations.
     #[inline(never)]
     pub(super) fn go_through_interior(
