@@ -53,7 +53,8 @@ impl Metrics {
         findings.extend(of.references.offset.keys().filter_map(|name| self.not_reached(of, name)));
         if let Some(estimator) = &of.estimator {
             findings.extend(estimator.nearest_held.iter().map(not_held));
-            findings.extend(estimator.targets_not_found.map(targets_not_found));
+            let not_found = estimator.targets_not_found;
+            findings.extend(not_found.map(|steps| targets_not_found(steps, of.steps())));
             findings.extend(consistency::findings(estimator, of.steps()));
         }
         for finding in &mut findings {
@@ -192,8 +193,9 @@ impl ViolationMetrics {
 }
 
 /// A reference that cannot be held, with the nearest value that can.
-fn targets_not_found(steps: usize) -> Finding {
-    let what = format!("the search for a steady-state target failed in {steps} control steps.");
+fn targets_not_found(steps: usize, of: usize) -> Finding {
+    let what =
+        format!("the search for a steady-state target failed in {steps} of {of} control steps.");
     Finding::new(
         what,
         "They follow the references as they are. pinc check says which references are steady states: \
@@ -472,7 +474,8 @@ mod tests {
             r#""nis_mean": 2.5, "nis_expected": 2.5, "nees_mean": 3.0, "targets_not_found": 7"#,
         );
         let [note] = &notes[..] else { panic!("{notes:?}") };
-        let said = "With RK4 the search for a steady-state target failed in 7 control steps.";
+        let said =
+            "With RK4 the search for a steady-state target failed in 7 of 144 control steps.";
         assert!(note.starts_with(said), "{note}");
     }
 
