@@ -113,10 +113,10 @@ impl SteadyTarget {
     }
 
     /// Moves each row of `reference`, `[stages, tracked]`, to what can be held with the parameters
-    /// `p`. Where no steady state is found, rows stay.
-    pub fn aim(&mut self, p: &[f64], reference: &mut [f64]) {
+    /// `p`; whether that succeeded. Where no steady state is found, rows stay.
+    pub fn aim(&mut self, p: &[f64], reference: &mut [f64]) -> bool {
         if self.tracked.is_empty() || self.nmpc.set_parameters(p).is_err() {
-            return;
+            return false;
         }
         self.asked.fill(f64::NAN);
         let mut all_found = true;
@@ -129,6 +129,7 @@ impl SteadyTarget {
             row.copy_from_slice(&self.held);
         }
         self.not_found += usize::from(!all_found);
+        all_found
     }
 
     /// Finds what can be held of the row that is asked for.

@@ -112,6 +112,8 @@ pub(crate) struct ControlStep {
     curvature_dropped: bool,
     #[doc = doc!("ControlStep.start")]
     start: Option<usize>,
+    #[doc = doc!("ControlStep.target_found")]
+    target_found: Option<bool>,
     #[doc = doc!("ControlStep.in_tube")]
     in_tube: Option<bool>,
     #[doc = doc!("ControlStep.step_us")]
@@ -140,6 +142,7 @@ struct Taken {
     cost: Option<f64>,
     curvature_dropped: bool,
     start: Option<usize>,
+    target_found: Option<bool>,
     in_tube: Option<bool>,
     step_us: f64,
     trust: Trust,
@@ -166,6 +169,7 @@ impl Taken {
             cost: step.cost,
             curvature_dropped: step.curvature_dropped,
             start: step.start,
+            target_found: step.target_found,
             in_tube: step.in_tube,
             step_us: step.step_us,
             trust: step.trust,
@@ -194,6 +198,7 @@ impl Taken {
             cost: self.cost,
             curvature_dropped: self.curvature_dropped,
             start: self.start,
+            target_found: self.target_found,
             in_tube: self.in_tube,
             step_us: self.step_us,
             model_error: vector(model_error)?,

@@ -286,7 +286,8 @@ def test_parameters_are_those_of_a_step(smoke: Path) -> None:
 
 def test_a_plan_to_a_target_has_no_derivatives() -> None:
     controller = pinc.Nmpc(FAMILY.parents[1] / "estimation" / "targets.toml", only="rk4")
-    assert controller.step([12.3, 12.6]).status == "converged"
+    step = controller.step([12.3, 12.6])
+    assert (step.status, step.target_found) == ("converged", True)
     with pytest.raises(pinc.InputError, match="`control.target`"):
         controller.adjoint([1.0, 0.0])
     with pytest.raises(pinc.InputError, match="`control.target`"):

@@ -109,6 +109,8 @@ pub struct LiveStep<'a> {
     /// From which of `sqp.starts` the plan was found, in a step that tried several; 0 is the start
     /// without others.
     pub start: Option<usize>,
+    /// With `control.target`: whether a steady state was found for each row of the reference.
+    pub target_found: Option<bool>,
     /// Whether the plan keeps the bounds that the controller's tube has tightened, if there is one.
     pub in_tube: Option<bool>,
     /// How long the step took, in us.
@@ -376,6 +378,7 @@ impl LiveController {
         let clock = Instant::now();
         let deadline = budget_us.map(|us| Deadline::in_seconds(1e-6 * us));
         self.observe(y, u_applied);
+        let mut target_found = None;
         if let Some(observer) = &mut self.observer {
             self.nmpc.set_parameters(&self.parameters)?;
             if self.nmpc.has_tube() {
@@ -383,9 +386,8 @@ impl LiveController {
                 augmentation.read_covariance(estimator.covariance(), self.x.len(), covariance);
                 self.nmpc.set_covariance(covariance);
             }
-            if let Some(target) = &mut observer.target {
-                target.aim(&self.parameters, &mut self.window);
-            }
+            target_found =
+                observer.target.as_mut().map(|of| of.aim(&self.parameters, &mut self.window));
         }
         self.before.copy_from_slice(u_applied.unwrap_or(&self.u));
         if let Some(u) = u_applied {
@@ -414,6 +416,7 @@ impl LiveController {
         }
         let observer = self.observer.as_ref();
         Ok(LiveStep {
+            target_found,
             in_tube: self.nmpc.tightened().map(|of| of.fits),
             u: &self.u,
             status,

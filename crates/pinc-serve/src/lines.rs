@@ -116,6 +116,9 @@ struct Answer<'a> {
     /// In a step that tried several starts: from which the plan was found.
     #[serde(skip_serializing_if = "Option::is_none")]
     start: Option<usize>,
+    /// With `control.target`: whether a steady state was found for each row of the reference.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    target_found: Option<bool>,
     /// With a tube: whether the plan keeps the tightened bounds.
     #[serde(skip_serializing_if = "Option::is_none")]
     in_tube: Option<bool>,
@@ -261,6 +264,7 @@ fn step(controller: &mut LiveController, request: &Request) -> Result<String, St
         cost: step.cost,
         curvature_dropped: step.cost.map(|_| step.curvature_dropped),
         start: step.start,
+        target_found: step.target_found,
         in_tube: step.in_tube,
         step_us: step.step_us,
         trust: (step.trust != Trust::NotJudged).then(|| step.trust.to_string()),

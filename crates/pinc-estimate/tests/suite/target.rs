@@ -34,7 +34,7 @@ fn target_of(plant: impl Plant, tracked: Vec<Tracked>) -> SteadyTarget {
 #[track_caller]
 fn held(target: &mut SteadyTarget, d: f64, row: &[f64]) -> Vec<f64> {
     let mut reference = [row, row].concat();
-    target.aim(&[d], &mut reference);
+    assert!(target.aim(&[d], &mut reference));
     assert_eq!(target.status(), Some(SqpStatus::Converged));
     let (first, second) = reference.split_at(row.len());
     assert_eq!(first, second);
@@ -84,7 +84,7 @@ fn a_target_that_is_not_found_is_counted() {
     assert_near(&held(&mut target, 0.0, &[-0.5]), &[-0.5]);
     assert_eq!(target.not_found(), 0);
     let mut reference = [-0.5, -0.5];
-    target.aim(&[2.0], &mut reference);
+    assert!(!target.aim(&[2.0], &mut reference));
     assert_eq!((reference, target.not_found()), ([-0.5; 2], 1));
     assert_near(&held(&mut target, 0.0, &[-0.25]), &[-0.25]);
     assert_eq!(target.not_found(), 1);

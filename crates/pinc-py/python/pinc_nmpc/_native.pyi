@@ -647,6 +647,10 @@ class ControlStep:
         """From which of ``control.sqp.starts`` the plan was found, in a step that tried several; 0 is
         the start without others."""
     @property
+    def target_found(self) -> Optional[bool]:
+        """With ``control.target``: whether a steady state was found for each row of the reference; a
+        row without one stays as it was given."""
+    @property
     def in_tube(self) -> Optional[bool]:
         """With ``control.uncertainty``: whether the plan keeps the tightened bounds; if not, the plant
         may break its bounds."""

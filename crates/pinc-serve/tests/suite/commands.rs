@@ -139,7 +139,9 @@ fn commands_that_cannot_be_carried_out_change_nothing() {
 fn an_answer_says_nothing_of_what_there_is_not() {
     let mut served = Served::new("van-der-pol/control.toml", &["control.state_high=[1.0, inf]"]);
     let answer = served.ask(&json!({ "y": [0.5, 0.1] }));
-    for absent in ["trust", "model_error", "estimator", "unknowns", "start", "in_tube"] {
+    for absent in
+        ["trust", "model_error", "estimator", "unknowns", "start", "target_found", "in_tube"]
+    {
         assert!(answer.get(absent).is_none(), "{absent}: {answer}");
     }
     assert_eq!(answer["x"], json!([0.5, 0.1]));

@@ -232,3 +232,61 @@ fn an_answer_says_whether_its_plan_is_in_the_tube() {
     assert!(answer["in_tube"].is_null(), "{answer}");
     served.end();
 }
+
+/// x' = x^2 + 2 + u is at rest nowhere with u of -1 at least.
+const WITHOUT_REST: &str = r#"
+name = "without-rest"
+preset = "ours"
+seed = 1
+[plant.expression]
+states = ["x"]
+inputs = ["u"]
+derivatives = { x = "x^2 + 2 + u" }
+[control]
+models = ["rk4"]
+step_s = 0.05
+duration_s = 0.5
+initial_state = [-1.0]
+controlled = ["x"]
+target = true
+q = [1.0]
+r = [0.1]
+n2 = 4
+nu = 4
+input_low = [-1.0]
+input_high = [1.0]
+references = [{ start_s = 0.0, value = [-0.5] }]
+[control.measurement]
+measured = ["x"]
+[control.estimator]
+kind = "ekf"
+process_sd = [0.01]
+measurement_sd = [0.01]
+initial_estimate = [-1.0]
+initial_sd = [0.1]
+disturbance = "input"
+disturbance_sd = [0.01]
+disturbance_initial_sd = [0.1]
+"#;
+
+/// A loop counts the steps in which an answer says so.
+#[test]
+fn an_answer_says_whether_a_target_was_found() {
+    let dir = tempfile::tempdir().unwrap();
+    let config = dir.path().join("experiment.toml");
+    std::fs::write(&config, WITHOUT_REST).unwrap();
+    for (low, found) in [("-1.0", false), ("-3.0", true)] {
+        let sets = ["--set", &format!("control.input_low=[{low}]")];
+        let mut served = Served::of(&config, ModelKind::RK4, &sets);
+        assert_eq!(served.ask(&json!({ "y": [-1.0] }))["target_found"], found);
+        served.end();
+        let run = dir.path().join(low);
+        let mut command = pinc(&["control", "--quiet", "--out"]);
+        let ended = outcome(command.arg(&run).arg(&config).args(sets));
+        assert_eq!(ended.code, Some(0), "{ended:?}");
+        let metrics = std::fs::read_to_string(run.join("metrics.json")).unwrap();
+        let metrics: Value = serde_json::from_str(&metrics).unwrap();
+        let counted = &metrics["control"][0]["targets_not_found"];
+        assert_eq!(*counted, if found { Value::Null } else { json!(10) }, "{metrics}");
+    }
+}
