@@ -4,8 +4,11 @@ use crate::problem::StepError;
 use crate::search::{Search, SearchSettings};
 
 /// The work that a [small proof](StepError::small_proof) may take: coefficients of boxes, each times
-/// the steps of its flow.
+/// the steps of its flow, and times the hundreds of instructions of the equation.
 pub const SMALL_PROOF: u64 = 600_000;
+
+/// So many instructions of an equation count once.
+const INSTRUCTIONS: usize = 100;
 
 /// How much larger than the largest error found the bounds of a small proof may be.
 const RATIO: f64 = 1.25;
@@ -35,8 +38,10 @@ impl StepError {
         let mut search = Search::new(self, domain, settings, threads).ok()?;
         // Where the equation is not smooth even points may have no enclosure.
         let is_known = search.bracket().found.iter().all(|found| found.error > 0.0);
+        let instructions = self.flow.equation.listing().instructions.len();
+        let most = SMALL_PROOF / instructions.div_ceil(INSTRUCTIONS).max(1) as u64;
         while is_known && !search.is_over() {
-            if search.work_after_a_round(self) > SMALL_PROOF {
+            if search.work_after_a_round(self) > most {
                 return None;
             }
             search.round(self, threads);

@@ -117,6 +117,19 @@ fn a_small_proof_is_near_or_none() {
     assert_eq!(error.small_proof(&[[0.0, 1.0], [0.0, 0.2]], 1), None);
 }
 
+/// The oscillator again, beside which so many terms do next to nothing.
+#[test]
+fn work_for_a_small_proof_grows_with_the_equation() {
+    for (terms, is_proven) in [(0, true), (1000, false)] {
+        let small: String = (1..=terms).map(|k| format!(" + x1*{k}e-30")).collect();
+        let second = format!("(1 - x1^2)*x2 - x1 + u{small}");
+        let plant = equations(&[("x1", "x2"), ("x2", &second)]);
+        let model = StepModel::RungeKutta(Tableau::CLASSICAL, 2);
+        let error = StepError::new(&plant, &[], 1, model, 0.3).unwrap();
+        assert_eq!(error.small_proof(&ends(&domain()), 1).is_some(), is_proven, "{terms}");
+    }
+}
+
 /// A goal below the true maximum is never proven.
 #[test]
 fn a_bound_below_the_largest_error_is_not_proven() {
