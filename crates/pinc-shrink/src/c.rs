@@ -100,7 +100,7 @@ pub fn policy_to_c(
 
 /// Layer by layer the biases and then, input by input, the weights; the scales of inputs and outputs
 /// are part of the first and the last layer.
-fn weights(PolicyNet { layers: net, inputs, outputs }: &PolicyNet) -> Vec<f64> {
+fn weights(PolicyNet { layers: net, inputs, outputs, .. }: &PolicyNet) -> Vec<f64> {
     let (mut all, mut first, last) = (Vec::new(), 0, net.widths.len() - 2);
     for (layer, pair) in net.widths.windows(2).enumerate() {
         let (n, m) = (pair[0], pair[1]);

@@ -68,9 +68,11 @@ impl Checked {
     ///
     /// # Errors
     ///
-    /// [`ShrinkError::Feature`] if the controller has something that a net does not replace.
+    /// [`ShrinkError::Feature`] if the controller has something that a net does not replace,
+    /// [`ShrinkError::Model`] if its model is not the one of the net's plans.
     pub fn new(policy: Policy, nmpc: &mut Nmpc) -> Result<Self, ShrinkError> {
         check_controller(nmpc)?;
+        policy.net.check_model(nmpc)?;
         Ok(Self::of(policy, nmpc))
     }
 

@@ -62,6 +62,12 @@ pub enum ShrinkError {
         /// Planned inputs.
         outputs: usize,
     },
+    /// A net of plans with another model.
+    #[error(
+        "the net's plans were made with another model: the equation, a parameter, the substeps or the \
+         model's net differ; train it anew"
+    )]
+    Model,
     /// The caller broke off.
     #[error("stopped")]
     Stopped,
@@ -194,13 +200,14 @@ pub fn shrink(
     if labels.len() < situations.len() / 4 || labels.is_empty() {
         return Err(ShrinkError::Labels { found: labels.len(), drawn: situations.len() });
     }
+    let steps = batch.each(1, |nmpc, _| policy::model_steps(nmpc, &inputs)).concat();
     let outputs = Scale::of(labels.iter().map(|label| &label.plan[..]));
     let hidden = config.neurons.max(1);
     let widths = vec![inputs.half.len(), hidden, hidden, outputs.half.len()];
     let mut net = Net::new(widths, &mut stream(2));
     let policy = |net: &Net| {
         let (layers, inputs, outputs) = (net.clone(), inputs.clone(), outputs.clone());
-        Policy::of(PolicyNet { layers, inputs, outputs }, limits.clone())
+        Policy::of(PolicyNet { layers, inputs, outputs, steps: steps.clone() }, limits.clone())
     };
     let mut training = Training::new(net.weights.len());
     let (mut done, mut loss) = (0, f64::INFINITY);

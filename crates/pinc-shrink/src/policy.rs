@@ -24,6 +24,27 @@ pub struct PolicyNet {
     pub(crate) layers: Net,
     pub(crate) inputs: Scale,
     pub(crate) outputs: Scale,
+    /// Where steps of the controller's model lead: see [`model_steps`].
+    pub(crate) steps: Vec<f64>,
+}
+
+/// How far a step of the same model may lead elsewhere, in half widths of the states: vectors of other
+/// machines round differently.
+const SAME_STEP: f64 = 1e-8;
+
+/// Where one step of the model leads from two points amid the inputs of a net, `[2, n]`, by which a
+/// model of another equation or accuracy is told apart; empty where it has no value.
+pub(crate) fn model_steps(nmpc: &mut Nmpc, inputs: &Scale) -> Vec<f64> {
+    let dims = nmpc.model().dims();
+    let mut program = nmpc.program();
+    let (model, p) = program.model(0);
+    let mut next = vec![0.0; 2 * dims.nx];
+    for (next, part) in next.chunks_exact_mut(dims.nx).zip([-0.5, 0.5]) {
+        let parts = inputs.middle.iter().zip(&inputs.half);
+        let at: Vec<f64> = parts.map(|(middle, half)| middle + part * half).collect();
+        model.step(&at[..dims.nx], &at[at.len() - dims.nu..], p, next);
+    }
+    if next.iter().all(|x| x.is_finite()) { next } else { Vec::new() }
 }
 
 /// Numbers as middle + half width * (a number about -1 to 1).
@@ -100,9 +121,20 @@ impl PolicyNet {
         }
     }
 
+    /// Checks that the controller plans with the model that the net's plans were made with.
+    pub(crate) fn check_model(&self, nmpc: &mut Nmpc) -> Result<(), ShrinkError> {
+        let steps = model_steps(nmpc, &self.inputs);
+        let widths = self.inputs.half[..nmpc.model().dims().nx].iter().cycle();
+        let is_near =
+            |((a, b), width): ((&f64, &f64), &f64)| (a - b).abs() <= SAME_STEP * (width + a.abs());
+        let same = steps.len() == self.steps.len()
+            && steps.iter().zip(&self.steps).zip(widths).all(is_near);
+        if same { Ok(()) } else { Err(ShrinkError::Model) }
+    }
+
     /// Whether the numbers are finite and as many as the sizes ask for.
     fn is_sound(&self, inputs: usize, outputs: usize) -> bool {
-        let Self { layers: Net { widths, weights }, inputs: from, outputs: to } = self;
+        let Self { layers: Net { widths, weights }, inputs: from, outputs: to, steps } = self;
         let ends = [(from, inputs, widths.first()), (to, outputs, widths.last())];
         let fits = |(scale, count, width): (&Scale, usize, Option<&usize>)| {
             [scale.middle.len(), scale.half.len()] == [count; 2] && width == Some(&count)
@@ -112,7 +144,7 @@ impl PolicyNet {
         widths.len() > 1
             && ends.into_iter().all(fits)
             && weights.len() == pairs.fold(0, usize::saturating_add)
-            && scales.into_iter().chain([weights]).flatten().all(|value| value.is_finite())
+            && scales.into_iter().chain([weights, steps]).flatten().all(|value| value.is_finite())
     }
 }
 
@@ -149,7 +181,7 @@ impl Policy {
 
     /// Writes the net's plan, moved into its bounds, to `plan`, `[Nu, m]`.
     pub fn plan(&mut self, x: &[f64], reference: &[f64], u_before: &[f64], plan: &mut [f64]) {
-        let Self { net: PolicyNet { layers, inputs, outputs }, limits, pass, at, along } = self;
+        let Self { net: PolicyNet { layers, inputs, outputs, .. }, limits, pass, at, along } = self;
         let v = x.iter().chain(reference).chain(u_before);
         let scale = inputs.middle.iter().zip(&inputs.half);
         for (to, (value, (middle, half))) in at.iter_mut().zip(v.zip(scale)) {

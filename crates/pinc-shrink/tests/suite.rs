@@ -420,3 +420,21 @@ fn decides_as_the_library(equations: &PlantEquations, problem: &NmpcProblem, dir
     }
     expected.iter().map(|(taken, _)| taken.to_string()).collect()
 }
+
+/// Another equation with the same names, or the same one with other substeps, makes other plans.
+#[test]
+fn a_net_of_plans_with_another_model_is_refused() {
+    let config = ShrinkConfig { iterations: 1, samples: 60, loops: 1, ..small() };
+    let net = shrunk_of(&VanDerPol::default().equations(), &problem(), &config, 1);
+    let checked = |equations: &PlantEquations, substeps| {
+        let model = equations.to_dyn().unwrap().model(Integrator::Rk4, 0.5, substeps).unwrap();
+        let mut nmpc = Nmpc::new(problem(), model, SqpConfig::default()).unwrap();
+        let policy = Policy::new(net.policy.net().clone(), &nmpc).unwrap();
+        Checked::new(policy, &mut nmpc)
+    };
+    checked(&VanDerPol::default().equations(), 4).unwrap();
+    for (equations, substeps) in [(VanDerPol::default().equations(), 2), (pendulum(), 4)] {
+        let refused = checked(&equations, substeps).unwrap_err();
+        assert!(matches!(refused, ShrinkError::Model), "{refused}");
+    }
+}
