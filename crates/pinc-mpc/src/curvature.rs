@@ -151,8 +151,10 @@ impl Curvature {
             let (node, input) = (dims.origin(stage), dims.input_of(stage));
             let here = Place { node, input, stage, before: false };
             self.spread(of, at, here);
-            self.add_cost(of, here, self.nodes.weights[stage + 1]);
-            self.add_model(horizon, of, at, stage);
+            self.weigh_model(of, at, stage);
+            if !self.add_cost(of, here) {
+                self.add_model(horizon, stage);
+            }
             if dims.feedthrough > 0 && self.weigh_rows(of, at, stage + 1, true) {
                 self.linearize_outputs(horizon, stage);
                 self.add_outputs();
@@ -163,7 +165,7 @@ impl Curvature {
             let end = Place { node: next, input: dims.acting(next), ..here };
             if dims.stages_from(next).is_empty() && of.leaves_out_hessian() {
                 self.spread(of, at, end);
-                self.add_cost(of, end, self.nodes.weights[next]);
+                self.add_cost(of, end);
                 self.add_block(end, &of.units, qp);
             }
             if next >= dims.n1 {
@@ -243,30 +245,34 @@ impl Curvature {
         self.by_u.fill(0.0);
     }
 
-    /// Writes this part of the gradients of a stage cost that leaves out its Hessian.
-    fn add_cost(&mut self, of: &mut Transcription, place: Place, part: f64) {
-        if !of.leaves_out_hessian() {
-            return;
-        }
-        let Self { x, u, by_x, by_u, block, .. } = self;
-        let stage = self.nodes.depths[place.node];
-        if let (p, Some(terms)) = of.terms_and_parameters(place.stage) {
-            let points = StagePoint { stage, time_s: terms.time_s(stage), x, u, p };
-            terms.gradients(points, block, [by_x, by_u]);
-        }
-        by_x.iter_mut().chain(by_u).for_each(|slope| *slope *= part);
-    }
-
-    /// Adds the gradients of lambda'f.
-    fn add_model(&mut self, horizon: &mut Horizon, of: &Transcription, at: At<'_>, stage: usize) {
-        let Self { x, u, p, by_x, by_u, model, of_model: [of_x, of_u, weights], .. } = self;
+    /// Writes the lambda of a stage for each point.
+    fn weigh_model(&mut self, of: &Transcription, at: At<'_>, stage: usize) {
+        self.evaluated += 2 * self.steps.len() + 1;
         let lambda = &at.plan.multipliers.dynamics[self.dims.next_state(stage)];
-        self.evaluated += x.len() / lambda.len();
-        for point in weights.chunks_exact_mut(lambda.len()) {
+        for point in self.of_model[2].chunks_exact_mut(self.dims.nx) {
             for (i, (to, lambda)) in point.iter_mut().zip(lambda).enumerate() {
                 *to = of.units.plain_multiplier(i, *lambda);
             }
         }
+    }
+
+    /// Writes the gradients of a stage cost that leaves out its Hessian, with the node's weight.
+    /// Whether those of lambda'f are added.
+    fn add_cost(&mut self, of: &mut Transcription, place: Place) -> bool {
+        let Some(terms) = of.terms.as_mut().filter(|terms| terms.leaves_out_hessian()) else {
+            return false;
+        };
+        let Self { x, u, by_x, by_u, block, of_model: [_, _, lambda], .. } = self;
+        let stage = self.nodes.depths[place.node];
+        let (p, time_s) = (of.cache.parameters(place.stage), terms.time_s(stage));
+        let weights = (self.nodes.weights[place.stage + 1], &lambda[..self.dims.nx]);
+        let (at, cost) = (StagePoint { stage, time_s, x, u, p }, terms.cost.as_mut());
+        cost.is_some_and(|cost| cost.gradients(at, weights, block, [by_x, by_u]))
+    }
+
+    /// Adds the gradients of lambda'f.
+    fn add_model(&mut self, horizon: &mut Horizon, stage: usize) {
+        let Self { x, u, p, by_x, by_u, model, of_model: [of_x, of_u, weights], .. } = self;
         let out = Gradients { x: &mut *of_x, u: &mut *of_u, p: &mut [] };
         model.gradients(horizon.at(stage), Stages { x, u, p }, weights, out);
         for (to, of_model) in [(by_x, of_x), (by_u, of_u)] {

@@ -102,26 +102,42 @@ pub trait StageCost: Debug + Send {
         false
     }
 
-    /// Writes the gradients at some points of a stage, of which the optimization takes differences:
-    /// one after the other, if a cost has no faster way. `block` is scratch.
+    /// Writes the gradients of `part` times the cost at some points of a stage, of which the
+    /// optimization takes differences: one after the other, if a cost has no faster way. A cost that
+    /// integrates the model F of the stage itself may add those of lambda'F, and returns whether it
+    /// did. `block` is scratch.
     ///
     /// # Shapes
     ///
-    /// `at.x`, `by_x`: `[points, n]`; `at.u`, `by_u`: `[points, m]`.
+    /// `at.x`, `by_x`: `[points, n]`; `at.u`, `by_u`: `[points, m]`; `lambda`: `n`.
     fn gradients(
         &mut self,
         at: StagePoint<'_>,
+        (part, lambda): (f64, &[f64]),
         block: &mut QuadBlock,
         [by_x, by_u]: [&mut [f64]; 2],
-    ) {
-        let (n, m) = (block.by_x.len(), block.by_u.len());
-        let points = at.x.chunks_exact(n).zip(at.u.chunks_exact(m));
-        let gradients = by_x.chunks_exact_mut(n).zip(by_u.chunks_exact_mut(m));
-        for ((x, u), (by_x, by_u)) in points.zip(gradients) {
-            block.clear();
-            self.quadratize(StagePoint { x, u, ..at }, block);
-            by_x.copy_from_slice(&block.by_x);
-            by_u.copy_from_slice(&block.by_u);
-        }
+    ) -> bool {
+        let _ = lambda;
+        one_by_one(self, at, part, block, [by_x, by_u]);
+        false
+    }
+}
+
+/// Writes the gradients of `part` times a cost at one point after the other.
+pub(crate) fn one_by_one(
+    cost: &mut (impl StageCost + ?Sized),
+    at: StagePoint<'_>,
+    part: f64,
+    block: &mut QuadBlock,
+    [by_x, by_u]: [&mut [f64]; 2],
+) {
+    let (n, m) = (block.by_x.len(), block.by_u.len());
+    let points = at.x.chunks_exact(n).zip(at.u.chunks_exact(m));
+    let gradients = by_x.chunks_exact_mut(n).zip(by_u.chunks_exact_mut(m));
+    for ((x, u), (by_x, by_u)) in points.zip(gradients) {
+        block.clear();
+        cost.quadratize(StagePoint { x, u, ..at }, block);
+        by_x.iter_mut().zip(&block.by_x).for_each(|(to, slope)| *to = part * slope);
+        by_u.iter_mut().zip(&block.by_u).for_each(|(to, slope)| *to = part * slope);
     }
 }

@@ -82,18 +82,6 @@ impl StageTerms {
         self.now_s + self.times[stage]
     }
 
-    /// Writes the gradients of the stage cost at some points: see [`StageCost::gradients`].
-    pub(crate) fn gradients(
-        &mut self,
-        at: StagePoint<'_>,
-        block: &mut QuadBlock,
-        gradients: [&mut [f64]; 2],
-    ) {
-        if let Some(cost) = &mut self.cost {
-            cost.gradients(at, block, gradients);
-        }
-    }
-
     /// Writes Q, S, E and T, adds to the gradient, and gives the value.
     #[inline(never)]
     pub(crate) fn add(

@@ -42,7 +42,7 @@ pub(crate) struct Transcription {
     output_bounds: [Bounds; 2],
     pub(crate) constraints: Option<Constraints>,
     work: ConstraintWork,
-    cache: LinearizationCache,
+    pub(crate) cache: LinearizationCache,
     pub(crate) outputs: Option<Outputs>,
     pub(crate) output_rows: OutputRows,
     pub(crate) units: Units,
@@ -264,14 +264,6 @@ impl Transcription {
     /// The parameters of a stage, or from its end on.
     pub(crate) fn parameters(&self, stage: usize, after: bool) -> &[f64] {
         if after { self.cache.parameters_after(stage) } else { self.cache.parameters(stage) }
-    }
-
-    /// The same, with the terms of the cost whose Hessian changes.
-    pub(crate) fn terms_and_parameters(
-        &mut self,
-        stage: usize,
-    ) -> (&[f64], Option<&mut StageTerms>) {
-        (self.cache.parameters(stage), self.terms.as_mut())
     }
 
     /// Linearizes h and g at a point.

@@ -1,0 +1,125 @@
+//! Costs that are integrated along the model.
+
+#[cfg(test)]
+mod tests;
+
+use crate::stage_cost::{QuadBlock, StageCost, StagePoint, one_by_one};
+use pinc_ode::{
+    Dims, Gradients, Linearization, LinearizationBuffer, Model, OutputLinearizationBuffer, Stages,
+};
+
+/// A cost that a model integrates: the integral of a rate over each stage, and a cost of the end.
+///
+/// The models are of the plant's states with two more, the time and the cost integrated so far:
+/// (x, t, J) -> (F(x, u, p), t + T, J + integral over the step), where F is the controller's own
+/// model. The last output is the cost of the end, evaluated at the last state with the last input. So
+/// the discretization is the model's own.
+///
+/// The Hessian is left out: see [`StageCost::leaves_out_hessian`].
+#[derive(Debug)]
+pub struct IntegratedCost {
+    /// The model of each stage of the same length, and the stage after the last of them.
+    models: Vec<(Box<dyn Model>, usize)>,
+    dims: Dims,
+    /// (x, t, J) and p at as many points as a Hessian takes.
+    at: Vec<f64>,
+    p: Vec<f64>,
+    /// (lambda, 0, the weight of J) and the gradients by (x, t, J) at each.
+    weights: Vec<f64>,
+    by_extended: Vec<f64>,
+    found: LinearizationBuffer,
+    /// The outputs at one point.
+    outputs: OutputLinearizationBuffer,
+}
+
+impl IntegratedCost {
+    /// The cost of these models, each of so many stages in a row; there is at least one.
+    #[must_use]
+    pub fn new(models: Vec<(Box<dyn Model>, usize)>) -> Self {
+        let dims = models.first().map_or(Dims::new(0, 0), |(model, _)| model.dims());
+        let points = 2 * (dims.nx + dims.nu) + 1;
+        let mut end = 0;
+        let until = |(model, count): (Box<dyn Model>, usize)| {
+            end += count;
+            (model, end)
+        };
+        Self {
+            models: models.into_iter().map(until).collect(),
+            at: vec![0.0; points * dims.nx],
+            p: vec![0.0; points * dims.np],
+            weights: vec![0.0; points * dims.nx],
+            by_extended: vec![0.0; points * dims.nx],
+            found: LinearizationBuffer::new(dims, points),
+            outputs: OutputLinearizationBuffer::new(dims, 1),
+            dims,
+        }
+    }
+
+    /// Writes (x, t, 0) and p of some points, at most as many as a Hessian takes; returns how many.
+    fn extend(&mut self, at: StagePoint<'_>) -> usize {
+        let Dims { nx, nu, np, .. } = self.dims;
+        let (n, points) = (nx - 2, at.u.len() / nu);
+        for (to, x) in self.at.chunks_exact_mut(nx).zip(at.x.chunks_exact(n)) {
+            to[..n].copy_from_slice(x);
+            (to[n], to[n + 1]) = (at.time_s, 0.0);
+        }
+        self.p.chunks_exact_mut(np.max(1)).for_each(|p| p.copy_from_slice(at.p));
+        points
+    }
+}
+
+impl StageCost for IntegratedCost {
+    fn quadratize(&mut self, at: StagePoint<'_>, out: &mut QuadBlock) {
+        self.extend(at);
+        let Dims { nx, nu, np, ny, .. } = self.dims;
+        let Self { models, at: extended, p, found, outputs, .. } = self;
+        let point = Stages { x: &extended[..nx], u: at.u, p: &p[..np] };
+        let (row, values, by_x, by_u) = match models.iter_mut().find(|(_, end)| at.stage < *end) {
+            Some((stage, _)) => {
+                let LinearizationBuffer { next, a, b, .. } = found;
+                let (next, a, b) = (&mut next[..nx], &mut a[..nx * nx], &mut b[..nx * nu]);
+                stage.linearize(point, Linearization { next, a, b, e: &mut [] });
+                (nx - 1, &*next, &*a, &*b)
+            }
+            None => {
+                let last = models.last_mut().into_iter();
+                last.for_each(|(last, _)| last.linearize_output(point, outputs.as_mut()));
+                (ny - 1, &outputs.y[..], &outputs.c[..], &outputs.d[..])
+            }
+        };
+        out.value = values[row];
+        out.by_x.copy_from_slice(&by_x[row * nx..(row + 1) * nx - 2]);
+        out.by_u.copy_from_slice(&by_u[row * nu..(row + 1) * nu]);
+    }
+
+    fn leaves_out_hessian(&self) -> bool {
+        true
+    }
+
+    fn gradients(
+        &mut self,
+        at: StagePoint<'_>,
+        (part, lambda): (f64, &[f64]),
+        block: &mut QuadBlock,
+        [by_x, by_u]: [&mut [f64]; 2],
+    ) -> bool {
+        let (Dims { nx, np, .. }, points) = (self.dims, self.extend(at));
+        let (n, all) = (nx - 2, points * nx);
+        let Self { models, at: extended, p, weights, by_extended, found, .. } = self;
+        let Some((stage, _)) = models.iter_mut().find(|(_, end)| at.stage < *end) else {
+            one_by_one(self, at, part, block, [by_x, by_u]);
+            return false;
+        };
+        for weights in weights.chunks_exact_mut(nx) {
+            weights[..n].copy_from_slice(lambda);
+            weights[n + 1] = part;
+        }
+        let stages = Stages { x: &extended[..all], u: at.u, p: &p[..points * np] };
+        let out = Gradients { x: &mut by_extended[..all], u: by_u, p: &mut [] };
+        found.gradients(stage.as_mut(), stages, &weights[..all], out);
+        for (to, from) in by_x.chunks_exact_mut(n).zip(by_extended.chunks_exact(nx)) {
+            to.copy_from_slice(&from[..n]);
+        }
+        true
+    }
+}
