@@ -3,6 +3,9 @@
 use pinc_mpc::{BoundSchedule, Bounded, Bounds, NmpcProblem, Side, Softness};
 use pinc_ode::Dims;
 
+/// A value on its bound may be beyond it by this part of it: by rounding.
+const ROUNDING: f64 = 8.0 * f64::EPSILON;
+
 /// A bound that the plant has broken on the dense trace of a closed loop.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
@@ -77,6 +80,9 @@ impl Violations {
                 Side::Low => bound - value,
                 Side::High => value - bound,
             };
+            if amount <= ROUNDING * bound.abs() {
+                continue;
+            }
             if amount > violation.amount {
                 (violation.amount, violation.bound, violation.time_s) = (amount, bound, time_s);
             }

@@ -17,6 +17,11 @@ const LAG: Lag = Lag { rate: 0.1, outputs: &[(-1.0, false), (1.0, true)] };
 
 /// What the lag breaks in one step from 1.5 under an input of 1 that is under way.
 fn broken_by_the_lag(state_softness: Softness, output_softness: Softness) -> Vec<Violation> {
+    broken_from(1.5, 1.0, [state_softness, output_softness])
+}
+
+/// What the lag breaks in one step from `x` under the input `u` that is under way.
+fn broken_from(x: f64, u: f64, [state_softness, output_softness]: [Softness; 2]) -> Vec<Violation> {
     let problem = NmpcProblem {
         delay: 1,
         input_bounds: Bounds::new(vec![-5.0], vec![5.0]),
@@ -29,10 +34,19 @@ fn broken_by_the_lag(state_softness: Softness, output_softness: Softness) -> Vec
     let model = Box::new(Rk4::new(LAG, 1.0, 2));
     let mut nmpc = Nmpc::new(problem, model, SqpConfig::default()).unwrap();
     let reference = Reference::new(vec![0.0], 1).unwrap();
-    let run = ClosedLoop::new(&mut nmpc, Dopri5::new(LAG, 1e-12), reference, &[1.5]).unwrap();
-    let mut run = run.with_initial_input(&[1.0]).unwrap();
+    let run = ClosedLoop::new(&mut nmpc, Dopri5::new(LAG, 1e-12), reference, &[x]).unwrap();
+    let mut run = run.with_initial_input(&[u]).unwrap();
     run.run().unwrap();
     run.violations().copied().collect()
+}
+
+/// At rest on its bound, but for the last digit.
+#[test]
+fn a_bound_is_not_broken_by_rounding() {
+    for (x, is_broken) in [(1.2_f64.next_up(), false), (1.2 + 1e-13, true)] {
+        let broken = broken_from(x, 1.2, [Softness::Hard, Softness::Hard]);
+        assert_eq!(broken.iter().any(|of| of.of == Bounded::State(0)), is_broken, "{broken:?}");
+    }
 }
 
 /// An output that jumps with the input is over its bound at the beginning of the step and less so

@@ -152,7 +152,7 @@ impl Metric {
     /// get so far.
     #[must_use]
     pub fn value(&self, run: &Metrics, model: Option<ModelKind>) -> Option<Value> {
-        Some(Value::Number(match self.of {
+        let value = match self.of {
             Of::Name(name) => return Some(Value::Name(name(run.training.as_ref()?))),
             Of::Training(value) => value(run.training.as_ref()?),
             Of::Validation(value) => value(run.validation.as_ref()?),
@@ -160,7 +160,9 @@ impl Metric {
             Of::FreeRun(value) => value(run.prediction.as_ref()?),
             Of::Loop(value) => value(run.loop_with(model?)?),
             Of::OneStep(value) => value(run.step_of(model?)?),
-        }))
+        };
+        // In a file that is read again an infinite number is none.
+        Some(Value::Number(if value.is_finite() { value } else { f64::NAN }))
     }
 
     /// Its value in a closed loop; NaN if it is of another stage.

@@ -88,6 +88,19 @@ fn place_of(run: &Metrics, title: &str) -> Option<Value> {
     Metric::all().find(|metric| metric.title == title)?.value(run, None)
 }
 
+/// As they are in metrics.json, so that a table made of files read again is the same.
+#[test]
+fn numbers_that_are_infinite_are_none() {
+    let mut run = run(&[]);
+    let of = &mut run.control[0];
+    (of.kkt_max, of.iae) = (f64::INFINITY, f64::NEG_INFINITY);
+    for column in ["kkt_max", "iae"] {
+        let metric = Metric::all().find(|metric| metric.column == column).unwrap();
+        let value = metric.value(&run, Some(ModelKind::RK4)).unwrap();
+        assert_eq!(metric.cell(value), "NaN");
+    }
+}
+
 #[test]
 fn a_run_without_a_stage_has_none_of_its_metrics() {
     let text = r#"{ "experiment": "e", "preset": "ours", "variables": {} }"#;
