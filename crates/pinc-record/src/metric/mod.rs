@@ -161,7 +161,7 @@ impl Metric {
             Of::Loop(value) => value(run.loop_with(model?)?),
             Of::OneStep(value) => value(run.step_of(model?)?),
         };
-        // In a file that is read again an infinite number is none.
+        // As it is read back: JSON has no infinite numbers.
         Some(Value::Number(if value.is_finite() { value } else { f64::NAN }))
     }
 
