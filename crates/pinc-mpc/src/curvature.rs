@@ -144,6 +144,10 @@ impl Curvature {
     ) -> Option<bool> {
         let dims = self.dims;
         self.measure(&of.units, at);
+        qp.weigh_shifts(|i| {
+            let [low, high] = dims.range([at.x0, &at.plan.z], i);
+            (high - low) / of.units.of_stage(i)
+        });
         for stage in 0..dims.horizon {
             if expired() {
                 return None;
@@ -215,7 +219,7 @@ impl Curvature {
             *size = units.of_stage(i);
             if units.has_unknown_size(i) {
                 // A unit may be below the least size.
-                *size = largest_on_plan(dims, [at.x0, z], i).max(LEAST_SIZE).min(*size);
+                *size = dims.largest([at.x0, z], i).max(LEAST_SIZE).min(*size);
             }
         }
     }
@@ -397,18 +401,6 @@ impl Curvature {
             }
         }
     }
-}
-
-/// The largest value of a number of a stage's (x, u), over a plan from `x0`.
-#[must_use]
-pub fn largest_on_plan(dims: OcpDims, [x0, z]: [&[f64]; 2], i: usize) -> f64 {
-    let (states, inputs) = z.split_at(dims.all_states());
-    let (first, values, place, width) = match i.checked_sub(dims.nx) {
-        None => (x0[i], states, i, dims.nx),
-        Some(input) => (0.0, inputs, input, dims.nu),
-    };
-    let values = values.iter().skip(place).step_by(width);
-    values.fold(first.abs(), |most, value| most.max(value.abs()))
 }
 
 /// Adds the rows of a Jacobian with their weights.

@@ -57,7 +57,7 @@ pub use config::{SqpConfig, SqpHessian, SqpStatus};
 pub use constraint::{Constraint, Side};
 pub use constraints::{Constraints, StageConstraints};
 pub use controller::Nmpc;
-pub use curvature::{LEAST_SIZE, largest_on_plan};
+pub use curvature::LEAST_SIZE;
 pub use error::{MpcError, check_finite};
 pub use guard::{Judge, Trust};
 pub use integrated_cost::IntegratedCost;

@@ -131,6 +131,9 @@ pub struct Qp {
     /// `[N - N1 + 1, rows]`: inequalities without lower limit, equalities, then rows with any
     /// limits.
     pub rows: Limits,
+    /// D, `[n]`: where the Hessian must be shifted to be convex, each Q gets delta D and each T
+    /// delta I.
+    pub shift_weights: Vec<f64>,
 }
 
 /// How many rows are looked at together.
@@ -291,6 +294,7 @@ impl Qp {
             bounds: Limits::none(dims.unknowns()),
             increments: Limits::none(dims.all_inputs()),
             rows: Limits::none(dims.all_rows()),
+            shift_weights: vec![1.0; nx],
         }
     }
 

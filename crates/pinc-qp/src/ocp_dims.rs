@@ -282,6 +282,25 @@ impl OcpDims {
         blocks.filter(|block| !block.rows.is_empty())
     }
 
+    /// The least and the largest value of number `i` of (x, u), over the stages of a plan z from `x0`.
+    #[must_use]
+    pub fn range(self, [x0, z]: [&[f64]; 2], i: usize) -> [f64; 2] {
+        let (states, inputs) = z.split_at(self.all_states());
+        let (first, values, place, width) = match i.checked_sub(self.nx) {
+            None => (x0[i], states, i, self.nx),
+            Some(input) => (inputs[input], inputs, input, self.nu),
+        };
+        let values = values.iter().skip(place).step_by(width);
+        values.fold([first; 2], |[low, high], value| [low.min(*value), high.max(*value)])
+    }
+
+    /// The largest absolute value of such a number.
+    #[must_use]
+    pub fn largest(self, plan: [&[f64]; 2], i: usize) -> f64 {
+        let [low, high] = self.range(plan, i);
+        high.max(-low)
+    }
+
     /// Moves a vector of the unknowns on by one stage: each node takes over from the node one stage
     /// deeper (see [`Tree::successor`]), the last ones stay.
     pub fn shift_unknowns(self, vector: &mut [f64]) {

@@ -1,9 +1,7 @@
 //! Second derivatives of what a control problem is made of: differences of exact first derivatives.
 
 use crate::sensitivity::Plan;
-use pinc_mpc::{
-    IntervalEnd, LEAST_SIZE, NmpcProblem, Program, QuadBlock, Tracked, largest_on_plan,
-};
+use pinc_mpc::{IntervalEnd, LEAST_SIZE, NmpcProblem, Program, QuadBlock, Tracked};
 use pinc_ode::{Dims, Gradients, LinearizationBuffer, OutputLinearization, Stages};
 use pinc_qp::{OcpDims, Qp};
 
@@ -128,7 +126,7 @@ impl Curvature {
     fn measure(&mut self, plan: &Plan<'_>) {
         let known = self.bounds.iter().flatten();
         for (i, (size, &bound)) in self.sizes.iter_mut().flatten().zip(known).enumerate() {
-            let values = || largest_on_plan(self.dims, [plan.x0, plan.z], i).clamp(LEAST_SIZE, 1.0);
+            let values = || self.dims.largest([plan.x0, plan.z], i).clamp(LEAST_SIZE, 1.0);
             *size = LEAST_PART * if bound > 0.0 { bound } else { values() };
         }
     }

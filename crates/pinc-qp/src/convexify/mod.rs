@@ -28,6 +28,9 @@ const EXCESSIVE: f64 = 10.0;
 const SHIFTS: [f64; 2] = [1e-6, 1e6];
 const GROWTH: f64 = 4.0;
 
+/// The range of a state that weighs 1 where the Hessian is shifted.
+const RANGE: f64 = 8.0;
+
 /// Makes a program convex on its dynamics: the Riccati recursion over (`dx_j`, `du_{j-1}`), as the
 /// stage-wise method has it, in which the curvature by the increment of a stage,
 ///
@@ -38,8 +41,8 @@ const GROWTH: f64 = 4.0;
 /// must be positive definite. Where it is not, its negative eigenvalues lambda become `|lambda|`
 /// (and small ones a little positive), and `T_j` gets the difference. The Hessians of the states
 /// may stay indefinite: where G is positive definite at all stages, the program is left as it is
-/// and has one solution. Where `T_j` would change by far more than the Hessian's largest entry, delta I is
-/// added to the Hessian of all unknowns instead, with the least delta of a sequence with which G is
+/// and has one solution. Where `T_j` would change by far more than the Hessian's largest entry, delta is added
+/// to the diagonal of each T and delta D to that of each Q instead ([`Qp::shift_weights`]), with the least delta of a sequence with which G is
 /// positive definite at all stages, as interior-point methods correct the inertia (Waechter and
 /// Biegler, Math. Program. 106 (2006), section 3.1); or so it is at once, by choice ([`Convexity`]).
 ///
@@ -71,7 +74,7 @@ pub struct Convexifier {
 pub struct Convexity {
     /// This part of the Hessian's largest entry is added to its diagonal, before all else.
     pub damping: f64,
-    /// Whether delta I is added where curvature is negative, however little T would change.
+    /// Whether the Hessian is shifted by a delta where curvature is negative, however little T would change.
     pub shifts: bool,
 }
 
@@ -120,7 +123,7 @@ impl Convexifier {
         self.holds = false;
         let size = largest_entry(qp);
         if damping > 0.0 {
-            add_to_diagonals(qp, damping * size);
+            shift_hessian(qp, damping * size);
         }
         if let Some(multipliers) = multipliers {
             if !self.recur(qp, true) {
@@ -140,12 +143,12 @@ impl Convexifier {
         dropped
     }
 
-    /// Adds delta I to the Hessian until no curvature is negative.
+    /// Shifts the Hessian until no curvature is negative.
     fn shift(&mut self, qp: &mut Qp, size: f64) {
         let [first, last] = SHIFTS.map(|shift| shift * size);
         let (mut shift, mut next) = (0.0, first);
         while next <= last {
-            add_to_diagonals(qp, next - shift);
+            shift_hessian(qp, next - shift);
             (shift, next) = (next, GROWTH * next);
             if !self.recur(qp, true) {
                 return;
@@ -197,19 +200,39 @@ impl Convexifier {
     }
 }
 
-/// The largest entry of Q, R and T, at least 1.
+/// The largest entry of D^-1/2 Q D^-1/2, R and T, at least 1.
 pub(crate) fn largest_entry(qp: &Qp) -> f64 {
-    let entries = qp.q.iter().chain(&qp.t).chain(&qp.r);
-    entries.fold(1.0_f64, |most, entry| most.max(entry.abs()))
+    let weights = &qp.shift_weights;
+    let rows = qp.q.chunks_exact(weights.len()).zip(weights.iter().cycle());
+    let of_q = rows.flat_map(|(row, d)| row.iter().zip(weights).map(move |(q, e)| q * q / (d * e)));
+    let inputs = qp.t.iter().chain(&qp.r).map(|entry| entry * entry);
+    of_q.chain(inputs).fold(1.0, f64::max).sqrt()
 }
 
-/// Adds to the diagonals of Q and T.
-pub(crate) fn add_to_diagonals(qp: &mut Qp, shift: f64) {
-    let OcpDims { nx, nu, .. } = qp.dims;
-    for (blocks, size) in [(&mut qp.q, nx), (&mut qp.t, nu)] {
-        for block in blocks.chunks_exact_mut(size * size) {
-            block.iter_mut().step_by(size + 1).for_each(|entry| *entry += shift);
+impl Qp {
+    /// Weighs the states by the ranges that their bounds allow, so that a shift of the Hessian means the
+    /// same whatever their units; a state without bounds by how far it goes, `range`, where that is far.
+    pub fn weigh_shifts(&mut self, range: impl Fn(usize) -> f64) {
+        let Self { dims, bounds, shift_weights, .. } = self;
+        for (i, weight) in shift_weights.iter_mut().enumerate() {
+            let nodes = (i..dims.all_states()).step_by(dims.nx);
+            let widths = nodes.map(|v| bounds.high[v] - bounds.low[v]);
+            let widest = widths.filter(|width| width.is_finite()).fold(0.0, f64::max);
+            let range = if widest > 0.0 { widest } else { range(i).max(RANGE) };
+            *weight = (RANGE / range).powi(2);
         }
+    }
+}
+
+/// Adds delta D to Q and delta I to T.
+pub(crate) fn shift_hessian(qp: &mut Qp, delta: f64) {
+    let OcpDims { nx, nu, .. } = qp.dims;
+    for block in qp.q.chunks_exact_mut(nx * nx) {
+        let diagonal = block.iter_mut().step_by(nx + 1);
+        diagonal.zip(&qp.shift_weights).for_each(|(entry, weight)| *entry += delta * weight);
+    }
+    for block in qp.t.chunks_exact_mut(nu * nu) {
+        block.iter_mut().step_by(nu + 1).for_each(|entry| *entry += delta);
     }
 }
 

@@ -183,26 +183,62 @@ fn eigenvalues_match_a_known_matrix() {
     }
 }
 
-/// With unstable dynamics, which magnify what is changed at one stage, over many stages.
-#[test]
-fn the_shift_is_as_large_as_it_must_be_and_no_larger() {
+/// Dynamics that magnify what is changed at one stage, over many stages.
+fn unstable() -> Qp {
     let mut dims = program(0.0).dims;
     (dims.nx, dims.nu, dims.horizon, dims.n_controls) = (2, 1, 100, 100);
     let mut qp = Qp::new(dims, [0.3, 0.4, 0.4, -0.3].repeat(100), vec![1.0; 100]).with_end_cost();
     (qp.a, qp.b) = ([1.5, 0.1, 0.0, 0.9].repeat(100), [1.0, 0.5].repeat(100));
     (qp.s, qp.s_before) = (vec![0.2; 200], vec![-0.1; 200]);
     qp.t = vec![-0.05; 100];
+    qp
+}
+
+/// The second state may be in a unit that is 1024 times smaller, if its weight says so.
+#[test]
+fn a_shift_means_the_same_in_other_units() {
+    // How much of the old unit the new one is.
+    const UNITS: [f64; 2] = [1.0, 1.0 / 1024.0];
+    let both = |at: usize| [UNITS[at / 2 % 2], UNITS[at % 2]];
+    let plain = unstable();
+    let mut scaled = plain.clone();
+    for (at, a) in scaled.a.iter_mut().enumerate() {
+        let [row, column] = both(at);
+        *a *= column / row;
+    }
+    scaled.q.iter_mut().enumerate().for_each(|(at, q)| *q *= both(at)[0] * both(at)[1]);
+    scaled.b.iter_mut().zip(UNITS.iter().cycle()).for_each(|(b, unit)| *b /= unit);
+    for products in [&mut scaled.s, &mut scaled.s_before] {
+        products.iter_mut().zip(UNITS.iter().cycle()).for_each(|(s, unit)| *s *= unit);
+    }
+    scaled.shift_weights = UNITS.map(|unit| unit * unit).to_vec();
+    for by in [Convexity::default(), Convexity { damping: 1e-3, shifts: true }] {
+        let (mut found, mut expected) = (scaled.clone(), plain.clone());
+        assert!(Convexifier::new(plain.dims).apply(&mut expected, None, by));
+        assert!(Convexifier::new(plain.dims).apply(&mut found, None, by));
+        assert!(expected.t.iter().zip(&plain.t).all(|(t, before)| t > before));
+        assert_eq!(found.t, expected.t);
+        for (at, (q, expected)) in found.q.iter().zip(&expected.q).enumerate() {
+            assert_eq!(q.to_bits(), (expected * both(at)[0] * both(at)[1]).to_bits());
+        }
+    }
+}
+
+#[test]
+fn the_shift_is_as_large_as_it_must_be_and_no_larger() {
+    let mut qp = unstable();
+    let dims = qp.dims;
     let (before, mut convexifier) = (qp.clone(), Convexifier::new(dims));
     assert!(convexifier.apply(&mut qp, None, Convexity::default()));
     let shift = qp.t[0] - before.t[0];
     assert!((0.05..5.0).contains(&shift), "{shift}");
     let mut expected = before.clone();
-    add_to_diagonals(&mut expected, shift);
+    shift_hessian(&mut expected, shift);
     for (found, expected) in [(&qp.q, &expected.q), (&qp.t, &expected.t), (&qp.s, &expected.s)] {
         assert!(found.iter().zip(expected).all(|(a, b)| (a - b).abs() < 1e-12), "{found:?}");
     }
     let mut less = before.clone();
-    add_to_diagonals(&mut less, shift / (1.01 * GROWTH));
+    shift_hessian(&mut less, shift / (1.01 * GROWTH));
     assert!(convexifier.recur(&mut less, true));
 
     // Damped by as much, it is convex from the beginning.

@@ -197,6 +197,11 @@ impl Newton {
         self.advance_lambda(length);
     }
 
+    /// lambda after the step times the residual of the dynamics.
+    pub(super) fn price_of_defect(&self) -> f64 {
+        dot(&self.lambda, &self.defect) + dot(&self.step[1], &self.defect)
+    }
+
     /// Goes `length` times the step in lambda.
     pub(super) fn advance_lambda(&mut self, length: f64) {
         add_scaled(&mut self.lambda, length, &self.step[1]);

@@ -37,7 +37,36 @@ fn first_plan(config: &str, sets: &[&str]) -> (SqpStatus, f64, Vec<f64>) {
 const MINIMUM_TIME: &str = "configs/gallery/minimum-time.toml";
 const FISHING: &str = "configs/gallery/fishing.toml";
 const ORBIT: &str = "configs/gallery/periodic-reactor.toml";
+const CRANE: &str = "configs/gallery/crane.toml";
 const TARGETS: &str = "configs/estimation/targets.toml";
+
+/// The shortest time does not depend on the unit of the angle, whose rate may be without bounds.
+#[test]
+fn the_shortest_time_is_found_in_degrees_and_milliradians() {
+    let text = std::fs::read_to_string(repository(CRANE)).unwrap();
+    for (unit, rates) in [(180.0 / std::f64::consts::PI, ""), (1e3, ""), (1e3, ", rate = 3000.0")] {
+        let replaced = |text: String, from: &str, to: String| {
+            assert!(text.contains(from), "{from}");
+            text.replace(from, &to)
+        };
+        let text = replaced(
+            text.clone(),
+            "-(g*sin(angle) + acceleration*cos(angle))/rope",
+            format!("-{unit}*(g*sin(angle/{unit}) + acceleration*cos(angle/{unit}))/rope"),
+        );
+        let text = replaced(
+            text,
+            "angle = -0.25",
+            format!("angle = {}{}", -0.25 * unit, rates.replace("3", "-3")),
+        );
+        let text = replaced(text, "angle = 0.25", format!("angle = {}{rates}", 0.25 * unit));
+        let mut controller = controller_of(&parse(&text, &[]).unwrap());
+        let step = controller.step(&[0.0; 4], Follow::Config, None).unwrap();
+        assert_eq!(step.status, SqpStatus::Converged, "{unit}{rates}");
+        let cost = step.cost.unwrap();
+        assert!((cost - 2.868933).abs() < 1e-5, "{unit}{rates}: {cost}");
+    }
+}
 
 /// From rest to rest over d with |a| <= A takes 2 sqrt(d/A): here 2 s, then sqrt(8) s.
 #[test]

@@ -7,7 +7,7 @@ use super::newton::Newton;
 use super::rows::Rows;
 use super::side::{Side, add_up, gather};
 use crate::algebra::largest;
-use crate::convexify::{add_to_diagonals, largest_entry};
+use crate::convexify::{largest_entry, shift_hessian};
 use crate::multipliers::scale_of_sum;
 use crate::{Multipliers, Qp, QpWork};
 use std::mem::take;
@@ -51,8 +51,8 @@ const GAINED: f64 = 0.1;
 /// ```
 ///
 /// is solved for a tau that falls to 0. A step is Newton's in all variables, on the stage structure;
-/// where the Hessian, the rows' weights included, has negative curvature on the dynamics, delta I is
-/// added. The caller goes along the step as far as [`Barrier::merit`] falls enough.
+/// where the Hessian, the rows' weights included, has negative curvature on the dynamics, it is
+/// shifted ([`Qp::shift_weights`]). The caller goes along the step as far as [`Barrier::merit`] falls enough.
 ///
 /// References: Waechter and Biegler, Math. Program. 106 (2006), with a merit function in place of the
 /// filter; Nocedal and Wright, *Numerical Optimization*, section 19.4. All memory is allocated at
@@ -202,7 +202,7 @@ impl Barrier {
             if next > most || expired() {
                 return None;
             }
-            add_to_diagonals(qp, next - self.shift);
+            shift_hessian(qp, next - self.shift);
             self.shift = next;
         }
     }
@@ -220,10 +220,24 @@ impl Barrier {
         }
         let [barriers, off] = self.parts(qp, 0.0);
         if off > 0.0 {
-            self.sigma = self.sigma.max(slope / ((1.0 - GAINED) * off));
+            // d'H d of all variables, by the first-order conditions of the step.
+            let curvature = self.price_of_defects() - slope;
+            let promised = slope + 0.5 * curvature.max(0.0);
+            self.sigma = self.sigma.max(promised / ((1.0 - GAINED) * off));
         }
         let violation = self.sigma * off;
         [cost + barriers + violation, slope - violation]
+    }
+
+    /// The multipliers after the step times what the equations are off.
+    fn price_of_defects(&self) -> f64 {
+        let at = &self.newton;
+        let sides = self.sides.iter().map(|side| (side.mu + side.dmu) * side.off);
+        let equalities = self
+            .equalities
+            .iter()
+            .map(|&(row, bound)| -bound * (at.mu[row] + self.stiffness * (at.moved[row] - bound)));
+        at.price_of_defect() + sides.chain(equalities).sum::<f64>()
     }
 
     /// The merit function `length` of the step away, where `qp` is the linearization.

@@ -124,6 +124,23 @@ fn where_curvature_is_negative_the_barrier_goes_downhill() {
     }
 }
 
+/// x = u + 1 for the least 50 x^2 + 50 u^2, from x = u = 0: the cost is flat there, but what mends the
+/// dynamics adds 25 to it.
+#[test]
+fn violations_weigh_more_than_the_cost_of_mending_them() {
+    let mut qp = scalar(100.0, 0.0).with_end_cost();
+    (qp.t[0], qp.c[0]) = (100.0, 1.0);
+    let (mut barrier, mut step) = (Barrier::new(&qp), QpStep::new(qp.dims));
+    barrier.begin(&qp, &step.multipliers, 1e-3);
+    barrier.measure(&qp);
+    let length = barrier.direct(&mut qp.clone(), &mut step.d, &mut || false).unwrap();
+    assert!(step.d.iter().zip([0.5, -0.5]).all(|(d, x)| (d - x).abs() < 1e-12), "{step:?}");
+    let [start, slope] = barrier.begin_search(&qp, &step.d, 0.0);
+    let (there, cost) = seen_from(&qp, &step.d.iter().map(|d| length * d).collect::<Vec<_>>());
+    let merit = barrier.merit(&there, cost, length);
+    assert!(slope < 0.0 && merit < start + 0.1 * length * slope, "{start} {slope} {merit}");
+}
+
 #[test]
 fn the_barrier_ends_when_the_time_is_up() {
     let qp = concave(0.3);
