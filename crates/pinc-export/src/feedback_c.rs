@@ -7,7 +7,7 @@ use crate::{ExportError, GeneratedFile, golden};
 use pinc_estimate::{
     Augmentation, Augmented, Disturbance, Ekf, Estimator, Gate, Measured, Mhe, Tuning, Ukf,
 };
-use pinc_mpc::{Nmpc, ProblemUnits};
+use pinc_mpc::{Nmpc, ProblemUnits, SqpStatus};
 use pinc_ode::{Dims, Memory, Model};
 
 /// The estimator of a controller: which one, of what, and how it is tuned.
@@ -267,16 +267,17 @@ pub(crate) const INCLUDE_OUTPUTS: &str = "#include \"pinc_outputs.h\"\n";
 
 /// Golden vectors: controller and estimator of the library in closed loop with their own model,
 /// which is measured with errors up to the noise's standard deviation. Gives the number of steps.
-pub(crate) fn set_selftest(
+pub(crate) fn set_steps(
     t: &mut Template,
     (controller, library): (&Controller<'_>, Nmpc),
     estimation: Estimation<'_>,
     steps: usize,
-) -> Result<usize, ExportError> {
+) -> Result<[usize; 2], ExportError> {
     let mut both = Both::new(controller, library, estimation)?;
     let mut fresh = Vec::new();
     both.nmpc.remember(&mut Memory::save(&mut fresh));
     let rows = run(&mut both, (controller, estimation), steps)?;
+    let unsolved = both.unsolved;
     let [double, float] = Precision::both(Some(estimation.filter));
     both.nmpc.remember(&mut Memory::restore(&fresh));
     let mut both = Both::new(controller, both.nmpc, estimation)?;
@@ -292,7 +293,7 @@ pub(crate) fn set_selftest(
         table("z", &rows.estimates),
     ];
     t.set("TABLES", tables.concat());
-    Ok(rows.inputs.len())
+    Ok([rows.inputs.len(), unsolved])
 }
 
 /// Controller and estimator of the library.
@@ -303,6 +304,8 @@ struct Both<'a> {
     /// The inputs under way, the one that acts first in front.
     acting: Vec<f64>,
     has_begun: bool,
+    /// Steps that ended at the iteration limit.
+    unsolved: usize,
 }
 
 impl<'a> Both<'a> {
@@ -316,7 +319,7 @@ impl<'a> Both<'a> {
         let filter = estimation.library(model, &first)?;
         let acting = first.repeat(controller.problem.delay + 1);
         let augmentation = estimation.augmentation;
-        Ok(Self { nmpc, filter, augmentation, acting, has_begun: false })
+        Ok(Self { nmpc, filter, augmentation, acting, has_begun: false, unsolved: 0 })
     }
 
     /// The input chosen after a measurement.
@@ -331,7 +334,9 @@ impl<'a> Both<'a> {
         let (mut x, mut unknowns) = (vec![0.0; nx], vec![0.0; self.filter.dims().nx - nx]);
         self.augmentation.read(self.filter.estimate(), &mut x, &mut unknowns);
         self.nmpc.set_parameters(&unknowns)?;
-        let u = self.nmpc.step(&x, window)?.u.to_vec();
+        let step = self.nmpc.step(&x, window)?;
+        self.unsolved += usize::from(step.status == SqpStatus::IterationLimit);
+        let u = step.u.to_vec();
         let last = self.acting.len() - nu;
         self.acting[last..].copy_from_slice(&u);
         Ok(u)

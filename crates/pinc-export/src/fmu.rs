@@ -2,7 +2,7 @@
 
 use crate::controller::Controller;
 use crate::fmu_variables::{Real, Role, bounded, derivatives, list, sized};
-use crate::mpc_c::controller_sources;
+use crate::mpc_c::{controller_sources, set_selftest};
 use crate::net_c::{check_member, has_time, net_core, places};
 use crate::open::Open;
 use crate::origin::{Origin, attribute};
@@ -10,7 +10,7 @@ use crate::outputs_c::outputs_core;
 use crate::runge_kutta_c::{RungeKuttaModel, runge_kutta_core};
 use crate::template::{self, Template, array, constant};
 use crate::{ExportError, GeneratedFile, Name};
-use pinc_mpc::Bounds;
+use pinc_mpc::{Bounds, Nmpc};
 use pinc_net::PincNet;
 use pinc_ode::{Dims, Variable};
 
@@ -90,12 +90,14 @@ pub fn net_to_fmu(
 ///
 /// As [`controller_to_c`](crate::controller_to_c).
 pub fn controller_to_fmu(
-    controller: &Controller<'_>,
+    (controller, library): (&Controller<'_>, Nmpc),
     name: &Name,
     origin: &Origin,
     version: FmiVersion,
 ) -> Result<Vec<GeneratedFile>, ExportError> {
     let (mut t, sources) = controller_sources(controller, name, origin)?;
+    // For its warnings: an FMU has no self-test.
+    set_selftest(&mut t, controller, library)?;
     let (nx, nu) = (origin.states.len(), origin.inputs.len());
     let dims = controller.library_model()?.dims();
     let named = |places: Vec<usize>| origin.quantities(&places).cloned().collect::<Vec<_>>();

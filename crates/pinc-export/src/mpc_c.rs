@@ -14,7 +14,7 @@ use crate::start_c::set_start;
 use crate::template::{Template, array, constant, places, table};
 use crate::tube_c::set_tube;
 use crate::{ExportError, GeneratedFile, Name, feedback_c};
-use pinc_mpc::{Nmpc, ProblemUnits, Softness, Weight};
+use pinc_mpc::{Nmpc, ProblemUnits, Softness, SqpStatus, Weight};
 use pinc_ode::{Dims, Memory};
 
 /// Steps of the self-test.
@@ -31,7 +31,7 @@ const STEPS: usize = 20;
 /// sensible one.
 pub fn controller_to_c(
     controller: &Controller<'_>,
-    (mut library, beside): (Nmpc, Vec<GeneratedFile>),
+    (library, beside): (Nmpc, Vec<GeneratedFile>),
     name: &Name,
     origin: &Origin,
 ) -> Result<Vec<GeneratedFile>, ExportError> {
@@ -44,19 +44,7 @@ pub fn controller_to_c(
         }
         None => without_estimate(&mut t),
     }
-    // A step for which generated C lacks the exact Hessian has no other answer here.
-    library.leave_out_exact_hessian();
-    let selftest = match controller.estimator {
-        None => {
-            set_selftest(&mut t, controller, library)?;
-            include_str!("../templates/mpc_selftest.c")
-        }
-        Some(estimation) => {
-            let steps = feedback_c::set_selftest(&mut t, (controller, library), estimation, STEPS)?;
-            t.set("STEPS", steps);
-            include_str!("../templates/feedback_selftest.c")
-        }
-    };
+    let selftest = set_selftest(&mut t, controller, library)?;
     t.set("JUDGE", include_str!("../templates/selftest_judge.c"));
     files.push(t.file("selftest.c", selftest));
     t.set("SOURCES", sources(&files));
@@ -368,22 +356,54 @@ fn weights(
     Ok([q, r, w])
 }
 
-/// Golden vectors: the controller of the library in closed loop with its own model.
-fn set_selftest(
+/// Fills the self-test with the steps of `library`, and warns of those that generated C does not solve.
+pub(crate) fn set_selftest(
+    t: &mut Template,
+    controller: &Controller<'_>,
+    mut library: Nmpc,
+) -> Result<&'static str, ExportError> {
+    // A step for which generated C lacks the exact Hessian has no other answer here.
+    library.leave_out_exact_hessian();
+    let (text, [steps, unsolved]) = match controller.estimator {
+        None => {
+            let steps = set_steps(t, controller, library)?;
+            (include_str!("../templates/mpc_selftest.c"), steps)
+        }
+        Some(estimation) => {
+            let steps = feedback_c::set_steps(t, (controller, library), estimation, STEPS)?;
+            (include_str!("../templates/feedback_selftest.c"), steps)
+        }
+    };
+    t.set("STEPS", steps);
+    if unsolved > 0 {
+        tracing::warn!(
+            "generated C reaches its iteration limit in {unsolved} of the first {steps} steps from the \
+             initial state: it has the Gauss-Newton Hessian alone; where `pinc control` converges by \
+             the exact one, it applies other inputs"
+        );
+    }
+    Ok(text)
+}
+
+/// Golden vectors: the controller of the library in closed loop with its own model. How many steps, and
+/// how many end at the iteration limit.
+fn set_steps(
     t: &mut Template,
     controller: &Controller<'_>,
     mut nmpc: Nmpc,
-) -> Result<(), ExportError> {
+) -> Result<[usize; 2], ExportError> {
     let mut model = controller.library_model()?;
     let mut x = controller.initial_state.to_vec();
     let width = controller.reference.outputs();
     let mut window = vec![0.0; controller.problem.horizon * width];
     let (mut states, mut windows, mut inputs) = (Vec::new(), Vec::new(), Vec::new());
-    let mut fresh = Vec::new();
+    let (mut fresh, mut unsolved) = (Vec::new(), 0);
     nmpc.remember(&mut Memory::save(&mut fresh));
     for k in 0..STEPS.min(controller.reference.steps()) {
         controller.window(k, &mut window);
-        let u = nmpc.step(&x, &window)?.u.to_vec();
+        let step = nmpc.step(&x, &window)?;
+        unsolved += usize::from(step.status == SqpStatus::IterationLimit);
+        let u = step.u.to_vec();
         states.push(x.clone());
         windows.push(window.clone());
         let mut next = vec![0.0; x.len()];
@@ -400,8 +420,8 @@ fn set_selftest(
     let in_float = moved(in_float(controller)?.as_mut().unwrap_or(&mut nmpc), rows, float)?;
     set_allowed(t, None, [&in_double, &in_float]);
     let tables = [table("x", &states), table("rows", &windows), table("u", &inputs)];
-    t.set("STEPS", inputs.len()).set("TABLES", tables.concat());
-    Ok(())
+    t.set("TABLES", tables.concat());
+    Ok([inputs.len(), unsolved])
 }
 
 /// How far the inputs of each step move if the states are off by rounding, as they may where a step does

@@ -151,7 +151,7 @@ impl TrainingConfig {
             derivatives: None,
             sampler: Sampler::Sobol,
             collocation_points: 1024,
-            initial_points: 1,
+            initial_points: 1024,
             lambda: 1.0,
             residual_scale: ResidualScale::Normalized,
             initial_scale: InitialScale::Normalized,

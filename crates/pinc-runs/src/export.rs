@@ -226,18 +226,19 @@ pub fn export_controller_with(
         estimator: estimating.as_ref().map(Estimating::estimation),
         tube: tube.as_ref(),
     };
+    let mut library = setup.controller(chosen.kind, &*chosen.plant)?;
+    if let Some(u) = controller.initial_input {
+        library.reset_input(u)?;
+    }
     let files = match to {
         Target::C => {
-            let mut library = setup.controller(chosen.kind, &*chosen.plant)?;
-            if let Some(u) = controller.initial_input {
-                library.reset_input(u)?;
-            }
             let beside = beside(&controller, &mut library, &name)?;
             pinc_export::controller_to_c(&controller, (library, beside), &name, &origin)
                 .map_err(|error| RunError::usage(experiment.source(), error.to_string()))?
         }
         Target::Fmu(version) => {
-            let content = pinc_export::controller_to_fmu(&controller, &name, &origin, version)?;
+            let content =
+                pinc_export::controller_to_fmu((&controller, library), &name, &origin, version)?;
             vec![fmu(content, &name, version)?]
         }
         Target::Casadi | Target::Onnx | Target::OnnxDouble => {

@@ -243,7 +243,7 @@ impl<'a> Sensitivity<'a> {
 
     /// Returns the gradient of a function of the plan in all numbers that the problem is given,
     /// from its gradient in the planned states and inputs. Missing last numbers of the two count as
-    /// 0. NaN where the conditions have no unique solution.
+    /// 0. NaN where the conditions have no unique solution, or a number given is not finite.
     ///
     /// # Shapes
     ///
@@ -252,17 +252,17 @@ impl<'a> Sensitivity<'a> {
     ///
     /// # Errors
     ///
-    /// [`MpcError`] if one of them is too long or not finite.
+    /// [`MpcError`] if one of them is too long.
     pub fn adjoint(
         &mut self,
         by_states: &[f64],
         by_inputs: &[f64],
     ) -> Result<ProblemDerivative, MpcError> {
         let dims = self.dims();
-        check_gradient("by_states", by_states, dims.all_states())?;
-        check_gradient("by_inputs", by_inputs, dims.all_inputs())?;
+        check_most("by_states", by_states, dims.all_states())?;
+        check_most("by_inputs", by_inputs, dims.all_inputs())?;
         let mut gradient = self.no_change();
-        if !self.solved {
+        if !(self.solved && all_finite(by_states) && all_finite(by_inputs)) {
             gradient.values_mut().fill(f64::NAN);
             return Ok(gradient);
         }
@@ -535,10 +535,8 @@ fn has_unknowns(qp: &Qp, row: usize) -> bool {
 }
 
 /// Whether a gradient has no more numbers than `most`, all finite.
-fn check_gradient(field: &'static str, values: &[f64], most: usize) -> Result<(), MpcError> {
+fn check_most(field: &'static str, values: &[f64], most: usize) -> Result<(), MpcError> {
     let found = values.len();
-    if found > most {
-        return Err(MpcError::Range { field, low: 0, high: most, found });
-    }
-    check_finite(field, values, found)
+    let fits = found <= most;
+    if fits { Ok(()) } else { Err(MpcError::Range { field, low: 0, high: most, found }) }
 }

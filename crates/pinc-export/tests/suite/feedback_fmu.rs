@@ -129,10 +129,10 @@ fn an_fmu_has_the_status_of_its_estimator() {
     assert_eq!(words[..5], ["updated", "updated", "updated", "rejected", "nothing-measured"]);
     let (case, augmentation, tuning) = &parts;
     for (version, driver) in [(FmiVersion::Two, FMI2_PARTS), (FmiVersion::Three, FMI3_PARTS)] {
-        let export = |controller: &Controller<'_>, name: &Name, origin: &Origin| {
-            controller_to_fmu(controller, name, origin, version)
-        };
         let estimation = Estimation { filter: Filter::Extended, augmentation, tuning };
+        let export = |controller: &Controller<'_>, name: &Name, origin: &Origin| {
+            controller_to_fmu((controller, case.library(Some(estimation))), name, origin, version)
+        };
         let files = case.export_by(Some(estimation), export).unwrap();
         let xml = String::from_utf8(files[0].bytes.clone()).unwrap();
         // Both are outputs that depend on what is measured and on the references, at the start on all
@@ -188,7 +188,7 @@ fn an_fmu_has_the_status_of_its_estimator() {
         let in_volts = |controller: &Controller<'_>, name: &Name, origin: &Origin| {
             let mut origin = origin.clone();
             origin.inputs.iter_mut().for_each(|pump| pump.unit = "V".into());
-            controller_to_fmu(controller, name, &origin, version)
+            controller_to_fmu((controller, tanks_case().library(None)), name, &origin, version)
         };
         let mut plain = tanks_case().export_by(None, in_volts).unwrap();
         let xml = String::from_utf8(plain.swap_remove(0).bytes).unwrap();
@@ -215,7 +215,7 @@ fn an_fmu_of_a_controller_with_its_estimator_compiles() {
         let estimation =
             Estimation { filter: Filter::Extended, augmentation: &augmentation, tuning: &tuning };
         let export = |controller: &Controller<'_>, name: &Name, origin: &Origin| {
-            controller_to_fmu(controller, name, origin, version)
+            controller_to_fmu((controller, case.library(Some(estimation))), name, origin, version)
         };
         let files = case.export_by(Some(estimation), export).unwrap();
         let xml = String::from_utf8(files[0].bytes.clone()).unwrap();

@@ -66,7 +66,7 @@ fn a_time_budget_is_replaced_by_a_count_which_is_reported() {
         case.config.max_iterations = 17;
         case.begin.budget_us = budget_us;
         let export = |controller: &Controller<'_>, name: &Name, origin: &Origin| {
-            controller_to_fmu(controller, name, origin, version)
+            controller_to_fmu((controller, case.library(None)), name, origin, version)
         };
         let files = case.export_by(None, export).unwrap();
         assert_eq!(files[0].path, "modelDescription.xml");
@@ -85,7 +85,7 @@ fn a_time_budget_is_replaced_by_a_count_which_is_reported() {
 /// What `driver` prints about the sources of the controller's FMU.
 pub(crate) fn driven(case: &Case, driver: &str) -> Vec<f64> {
     let export = |controller: &Controller<'_>, name: &Name, origin: &Origin| {
-        controller_to_fmu(controller, name, origin, FmiVersion::Two)
+        controller_to_fmu((controller, case.library(None)), name, origin, FmiVersion::Two)
     };
     driven_files(case.export_by(None, export).unwrap(), "ctl_fmu.c", driver)
 }
@@ -224,7 +224,7 @@ fn two_variables_of_one_name_are_refused() {
         let export = |controller: &Controller<'_>, name: &Name, origin: &Origin| {
             let mut origin = origin.clone();
             origin.states[0].name = own.into();
-            controller_to_fmu(controller, name, &origin, FmiVersion::Three)
+            controller_to_fmu((controller, case.library(None)), name, &origin, FmiVersion::Three)
         };
         let refused = case.export_by(None, export).unwrap_err().to_string();
         let [named, reason] = [format!("named `{own}`: "), word.to_owned()];

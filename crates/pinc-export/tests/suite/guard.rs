@@ -160,7 +160,7 @@ fn a_guarded_fmu_has_the_trust_as_an_output() {
     let case = case(Response::Count, false);
     let files = case
         .export_by(None, |controller, name, origin| {
-            controller_to_fmu(controller, name, origin, FmiVersion::Two)
+            controller_to_fmu((controller, case.library(None)), name, origin, FmiVersion::Two)
         })
         .unwrap();
     let text = |path: &str| {

@@ -352,7 +352,7 @@ impl Sqp {
         std::mem::swap(&mut self.qp, &mut self.trial);
         let (mut iterations, mut least) = (0, point.kkt.max());
         let (mut conflict, mut plan_state) = (None, PlanState::Evaluated);
-        let (mut curvature_dropped, always) = (false, self.transcription.leaves_out_hessian());
+        let always = self.transcription.leaves_out_hessian();
         (self.hessian, self.settled) = (HessianChoice::of(self.config.hessian, always), false);
         let possible = !self.transcription.is_tightened();
         self.interior.iter_mut().for_each(|interior| interior.begin(possible));
@@ -390,10 +390,7 @@ impl Sqp {
                 let convexity = self.hessian.convexity();
                 let purpose = Purpose::Step { settled: self.settled, convexity };
                 match self.curve(model, input, plan, purpose, expired) {
-                    Some(dropped) => {
-                        self.dropped = dropped;
-                        curvature_dropped = dropped && always;
-                    }
+                    Some(dropped) => self.dropped = dropped,
                     None => break SqpStatus::Deadline,
                 }
             }
@@ -452,11 +449,10 @@ impl Sqp {
             }
             least = least.min(point.kkt.max());
         };
-        if status == SqpStatus::Converged && always {
+        let curvature_dropped = status == SqpStatus::Converged && always && {
             self.transcription.measure(input.x0, &plan.z, input.targets, &mut self.qp);
-            curvature_dropped =
-                self.curve(model, input, plan, Purpose::Judgement, expired).unwrap_or(true);
-        }
+            self.curve(model, input, plan, Purpose::Judgement, expired).unwrap_or(true)
+        };
         let outcome = Outcome {
             status,
             iterations,

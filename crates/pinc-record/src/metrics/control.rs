@@ -85,7 +85,10 @@ pub struct CostMetrics {
 
 impl std::fmt::Display for CostMetrics {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        write!(f, "the first plan costs {:.7}", self.first_plan)
+        match self.first_plan.is_finite() {
+            true => write!(f, "the first plan costs {:.7}", self.first_plan),
+            false => write!(f, "the first step has no plan whose cost is known"),
+        }
     }
 }
 

@@ -129,7 +129,10 @@ impl Metrics {
     pub fn domain_finding(&self) -> Option<String> {
         let training = self.training.as_ref();
         let losses = training.and_then(|training| training.loss.zip(training.fresh_loss));
-        let judged = self.validation.as_ref()?.domain_error.as_ref()?;
+        let validation = self.validation.as_ref()?;
+        // Data may have corrected the equation that this error is of.
+        let judged =
+            validation.domain_error.as_ref().filter(|_| validation.measured_mse.is_none())?;
         judged.finding([&self.states, &self.inputs], losses)
     }
 

@@ -181,6 +181,12 @@ pub(crate) mod rows {
             Validation(|of| of.mse_all_normalized),
         ),
         ONE_STEP_MSE,
+        error(
+            ["measured_mse"; 2],
+            ["Validation, MSE of held-out data", "MSE of the held-out data, which chose the net"],
+            DEVIATIONS,
+            Validation(|of| of.measured_mse.unwrap_or(f64::NAN)),
+        ),
     ];
 
     /// The metrics of one step over the domain.
