@@ -30,6 +30,10 @@ fn a_step_of_a_linear_plant_has_the_derivatives_of_the_formula() {
         assert!((found - expected).abs() < 1e-9, "{}: {found} is not {expected}", given.name());
     }
     assert!(gradient.get(Given::Parameters).is_empty());
+    // A chain of steps, one of which has no derivative, goes on.
+    let unknown = sensitivity.adjoint(&[], &[f64::NAN]).unwrap();
+    assert!(unknown.get(Given::State)[0].is_nan() && unknown.get(Given::Q)[0].is_nan());
+    assert!(sensitivity.adjoint(&[], &[0.0; 2]).is_err());
 }
 
 /// A plant whose state is counted in other units, far from its reference and with the input near its bound:

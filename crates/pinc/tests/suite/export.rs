@@ -12,6 +12,64 @@ fn export(arguments: &[&str], dir: &Path) -> Outcome {
     outcome(pinc(&["export", "--to", "c"]).args(arguments).current_dir(dir))
 }
 
+/// From where it starts, this loop converges by the exact Hessian only, which generated C lacks.
+const CURVED: &str = r#"
+name = "curved"
+preset = "ours"
+seed = 1
+
+[plant.expression]
+states = ["a", "b", "c"]
+inputs = ["u"]
+
+[plant.expression.derivatives]
+a = "-0.7633*a + 1.0674*sin(a) + 1.4868*tanh(u)"
+b = "-0.231*b + 0.5315*exp(-b^2) - 0.921*exp(-c^2) - 1.0077*tanh(u)"
+c = "-0.2116*c - 0.5983*sin(c) - 0.2709*b^2*exp(-b^2) + 0.3653*exp(-a^2) + 0.7549*u*(1 + 0.3*cos(b))"
+
+[control]
+models = ["rk4"]
+step_s = 0.2
+rk4_substeps = 3
+duration_s = 3.0
+initial_state = [-0.4105, 0.6368, 0.9837]
+initial_input = [0.1969]
+controlled = ["a", "b", "c"]
+references = [{ start_s = 0.0, value = [0.5681, -0.7563, -0.0927] }]
+n2 = 11
+nu = 5
+q = [2.9998, 2.941, 0.9789]
+q_terminal = [[6.7441, -1.6313, -1.1452], [-1.6313, 2.8196, 0.5439], [-1.1452, 0.5439, 2.3699]]
+r = [0.0154]
+weights_profile = "uniform"
+input_low = [-1.1738]
+input_high = [1.2425]
+"#;
+
+#[test]
+fn steps_that_generated_c_does_not_solve_are_said() {
+    let dir = tempfile::tempdir().unwrap();
+    let config = dir.path().join("curved.toml");
+    fs::write(&config, CURVED).unwrap();
+    let ran =
+        outcome(pinc(&["control"]).arg(&config).args(["--out", "ran"]).current_dir(dir.path()));
+    assert!(ran.stdout.contains("15 converged"), "{ran:?}");
+    for to in ["c", "fmu"] {
+        let mut command = pinc(&["export", "--to", to, "--out", to]);
+        let exported = outcome(command.arg(&config).current_dir(dir.path()));
+        fine(&exported);
+        let said = "iteration limit in 14 of the first 15 steps";
+        assert!(exported.stderr.contains(said), "{exported:?}");
+        // One that solves them all has nothing to say.
+        let sets = ["--set", "control.q=[1.0, 0.0, 0.0]", "--set", "control.sqp.tolerance=1e-4"];
+        let easy = ["--unset", "control.q_terminal", "--set", "control.r=[1.0]"];
+        let mut command = pinc(&["export", "--to", to, "--out", &format!("{to}-easy")]);
+        let exported = outcome(command.arg(&config).args(sets).args(easy).current_dir(dir.path()));
+        fine(&exported);
+        assert!(!exported.stderr.contains("iteration limit"), "{exported:?}");
+    }
+}
+
 #[track_caller]
 fn fine(outcome: &Outcome) {
     assert_eq!(outcome.code, Some(0), "{outcome:?}");

@@ -44,6 +44,14 @@ fn both_kinds_of_file_enter_loss_record_and_metrics() {
     let metrics = std::fs::read(dir.path().join("run/metrics.json")).unwrap();
     let metrics: serde_json::Value = serde_json::from_slice(&metrics).unwrap();
     assert!(metrics["validation"]["measured_mse"].as_f64().unwrap() > 0.0, "{metrics}");
+    // The equation does not judge a net that data may have corrected.
+    let judged = |outcome: &Outcome| {
+        outcome.stdout.contains("is wrong in a part")
+            || outcome.stderr.contains("is wrong in a part")
+    };
+    assert!(!judged(&outcome), "{outcome:?}");
+    let other = tempfile::tempdir().unwrap();
+    assert!(judged(&train(other.path(), &files, "files = [\"a.csv\"]")));
     let record = std::fs::read_to_string(dir.path().join("run/training.csv")).unwrap();
     let header: Vec<_> = record.lines().next().unwrap().split(',').collect();
     let place = header.iter().position(|column| *column == "loss_measured").unwrap();

@@ -68,6 +68,15 @@ fn the_shortest_time_is_found_in_degrees_and_milliradians() {
     }
 }
 
+/// A plan that breaks the model's equations is not followed, and its cost is none.
+#[test]
+fn a_plan_that_is_not_followed_has_no_cost() {
+    let mut controller = controller_of(&load(CRANE, &["control.sqp.max_iterations=3"]).unwrap());
+    let step = controller.step(&[0.0; 4], Follow::Config, None).unwrap();
+    assert_eq!(step.status, SqpStatus::IterationLimit);
+    assert!(step.cost.unwrap().is_nan() && !step.curvature_dropped, "{:?}", step.cost);
+}
+
 /// From rest to rest over d with |a| <= A takes 2 sqrt(d/A): here 2 s, then sqrt(8) s.
 #[test]
 fn the_shortest_time_of_a_double_integrator_is_bang_bang() {

@@ -2,6 +2,7 @@
 
 use crate::sweep_dir::WorkerNote;
 use pinc_config::{Experiment, Trial};
+use pinc_net::Ansatz;
 use std::time::Duration;
 
 /// How long the remaining work will take, judged by finished work. Trainings count by their
@@ -111,7 +112,11 @@ pub fn effort(training: &Experiment) -> f64 {
     let (Some(model), Some(spec)) = (&training.model, &training.training) else { return 0.0 };
     let config = &spec.config;
     let weights = model.parameters(training.dims());
-    let points = config.collocation_points + config.initial_points;
+    let initial = match model.ansatz {
+        Ansatz::HardLinear => 0,
+        Ansatz::Direct => config.initial_points,
+    };
+    let points = config.collocation_points + initial;
     let iterations: u64 = config.phases.iter().map(|phase| phase.iterations).sum();
     weights as f64 * points as f64 * iterations as f64
 }
