@@ -153,11 +153,14 @@ impl Experiment {
         }
         if let Some(training) = &self.training {
             training_choices(training, dims)?;
-            named_tolerances(
-                "training.proven_tolerance",
-                &training.proven_tolerance,
-                &self.plant.variables(),
-            )?;
+            let (key, proven) = ("training.proven_tolerance", &training.proven_tolerance);
+            named_tolerances(key, proven, &self.plant.variables())?;
+            let unknown = self.data.as_ref().is_some_and(|data| !data.parameters.is_empty());
+            let listed = self.plant.equations().is_some_and(|of| of.listing(&[]).is_ok());
+            if !proven.is_empty() && (unknown || !listed) {
+                let expected = "no such key with data.parameters or algebraic variables";
+                return value(key, "a table", expected);
+            }
             let needed = "training needs it";
             present("model", self.model.is_some(), needed)?;
             present("domain", self.domain.is_some(), needed)?;
@@ -171,11 +174,6 @@ impl Experiment {
             }
             measurements(data)?;
             names::unknown_parameters(self, data)?;
-            let is_proven = self.training.as_ref().is_some_and(|t| !t.proven_tolerance.is_empty());
-            if is_proven && !data.parameters.is_empty() {
-                let expected = "no such key with data.parameters: the equation is then not known";
-                return value("training.proven_tolerance", "a table", expected);
-            }
             if self.model.as_ref().is_some_and(|model| model.time_only.is_some()) {
                 let expected = "no such key with [data], which has several scenarios";
                 return value("model.time_only", "a single scenario", expected);

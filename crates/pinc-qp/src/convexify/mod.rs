@@ -147,7 +147,8 @@ impl Convexifier {
     fn shift(&mut self, qp: &mut Qp, size: f64) {
         let [first, last] = SHIFTS.map(|shift| shift * size);
         let (mut shift, mut next) = (0.0, first);
-        while next <= last {
+        // Not from infinity to infinity.
+        while next < last {
             shift_hessian(qp, next - shift);
             (shift, next) = (next, GROWTH * next);
             if !self.recur(qp, true) {
@@ -204,9 +205,10 @@ impl Convexifier {
 pub(crate) fn largest_entry(qp: &Qp) -> f64 {
     let weights = &qp.shift_weights;
     let rows = qp.q.chunks_exact(weights.len()).zip(weights.iter().cycle());
-    let of_q = rows.flat_map(|(row, d)| row.iter().zip(weights).map(move |(q, e)| q * q / (d * e)));
-    let inputs = qp.t.iter().chain(&qp.r).map(|entry| entry * entry);
-    of_q.chain(inputs).fold(1.0, f64::max).sqrt()
+    let of_q = rows
+        .flat_map(|(row, d)| row.iter().zip(weights).map(move |(q, e)| q.abs() / (d * e).sqrt()));
+    let inputs = qp.t.iter().chain(&qp.r).map(|entry| entry.abs());
+    of_q.chain(inputs).fold(1.0, f64::max)
 }
 
 impl Qp {
@@ -218,7 +220,8 @@ impl Qp {
             let nodes = (i..dims.all_states()).step_by(dims.nx);
             let widths = nodes.map(|v| bounds.high[v] - bounds.low[v]);
             let widest = widths.filter(|width| width.is_finite()).fold(0.0, f64::max);
-            let range = if widest > 0.0 { widest } else { range(i).max(RANGE) };
+            // A plan may go far on the way, which is to change little.
+            let range = if widest > 0.0 { widest } else { (0.5 * range(i)).max(RANGE) };
             *weight = (RANGE / range).powi(2);
         }
     }

@@ -40,6 +40,16 @@ fn one_root_all_over_the_domain_is_no_finding() {
     );
 }
 
+/// Before the training: what is proven is the error against listed equations.
+#[test]
+fn no_net_of_algebraic_variables_is_proven() {
+    let refused = load(&["training.proven_tolerance={ h = 1e-3 }"]).unwrap_err();
+    assert_said(
+        &refused,
+        &["training.proven_tolerance", "no such key with", "algebraic variables"],
+    );
+}
+
 #[test]
 fn no_root_is_named_with_equation_and_place() {
     let low = "domain.state_low=[-1.0]";

@@ -199,7 +199,8 @@ impl Barrier {
                 0.0 => FIRST_SHIFT * size,
                 shift => GROWTH * shift,
             };
-            if next > most || expired() {
+            let possible = next < most;
+            if !possible || expired() {
                 return None;
             }
             shift_hessian(qp, next - self.shift);

@@ -141,6 +141,17 @@ fn violations_weigh_more_than_the_cost_of_mending_them() {
     assert!(slope < 0.0 && merit < start + 0.1 * length * slope, "{start} {slope} {merit}");
 }
 
+/// Where no shift is large enough, none is looked for.
+#[test]
+fn a_hessian_beyond_all_numbers_has_no_step() {
+    let mut qp = concave(0.3);
+    qp.t[0] = f64::NEG_INFINITY;
+    let (mut barrier, mut step) = (Barrier::new(&qp), QpStep::new(qp.dims));
+    barrier.begin(&qp, &step.multipliers, 1e-3);
+    barrier.measure(&qp);
+    assert_eq!(barrier.direct(&mut qp.clone(), &mut step.d, &mut || false), None);
+}
+
 #[test]
 fn the_barrier_ends_when_the_time_is_up() {
     let qp = concave(0.3);

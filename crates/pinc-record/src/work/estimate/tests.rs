@@ -68,13 +68,17 @@ fn the_effort_of_a_training_is_its_visits_of_weights() {
     let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../../configs/smoke/one-tank.toml");
     let phases = "training.phases=[{ optimizer = { adam = { learning_rate = 0.1 } }, iterations = 30 }, \
                   { optimizer = { adam = { learning_rate = 0.1 } }, iterations = 12 }]";
-    let sets = ["training.collocation_points=256", "training.initial_points=40", phases];
+    let points = ["training.collocation_points=256", "training.initial_points=40"];
+    let sets = [points[0], points[1], phases, "model.ansatz=\"direct\""];
     let load = |sets: &[&str]| {
         let sets: Vec<String> = sets.iter().map(|&set| set.to_owned()).collect();
         Experiment::load(path.as_ref(), &sets, &pinc_config::Plants::built_in()).unwrap()
     };
     let expected = f64::from((8 * 4 + 8 * 9 + 9) * (256 + 40) * (30 + 12));
     assert!((effort(&load(&sets)) - expected).abs() < 1e-6 * expected);
+    // With the hard initial condition there are no initial points.
+    let expected = f64::from((8 * 4 + 8 * 9 + 9) * 256 * (30 + 12));
+    assert!((effort(&load(&sets[..3])) - expected).abs() < 1e-6 * expected);
     let mut untrained = load(&sets);
     untrained.training = None;
     assert!(effort(&untrained).abs() < 1e-12);
