@@ -266,7 +266,8 @@ const MHE_STATUSES: &str = ",
 pub(crate) const INCLUDE_OUTPUTS: &str = "#include \"pinc_outputs.h\"\n";
 
 /// Golden vectors: controller and estimator of the library in closed loop with their own model,
-/// which is measured with errors up to the noise's standard deviation. Gives the number of steps.
+/// which is measured with errors up to the noise's standard deviation. How many
+/// steps, and how many end at the iteration limit.
 pub(crate) fn set_steps(
     t: &mut Template,
     (controller, library): (&Controller<'_>, Nmpc),

@@ -534,7 +534,7 @@ fn has_unknowns(qp: &Qp, row: usize) -> bool {
     entries::row_slopes(qp, row).iter().any(|(_, slope)| *slope != 0.0)
 }
 
-/// Whether a gradient has no more numbers than `most`, all finite.
+/// Whether a gradient has no more numbers than `most`.
 fn check_most(field: &'static str, values: &[f64], most: usize) -> Result<(), MpcError> {
     let found = values.len();
     let fits = found <= most;

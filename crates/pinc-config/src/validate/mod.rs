@@ -156,8 +156,8 @@ impl Experiment {
             let (key, proven) = ("training.proven_tolerance", &training.proven_tolerance);
             named_tolerances(key, proven, &self.plant.variables())?;
             let unknown = self.data.as_ref().is_some_and(|data| !data.parameters.is_empty());
-            let listed = self.plant.equations().is_some_and(|of| of.listing(&[]).is_ok());
-            if !proven.is_empty() && (unknown || !listed) {
+            let listed = || self.plant.equations().is_some_and(|of| of.listing(&[]).is_ok());
+            if !proven.is_empty() && (unknown || !listed()) {
                 let expected = "no such key with data.parameters or algebraic variables";
                 return value(key, "a table", expected);
             }
