@@ -29,6 +29,12 @@ const CHANGES: usize = 12;
 /// How many steps the rows of one set may take to be met.
 const STEPS: usize = 20;
 
+/// Rows that come nearer so slowly, over half of the steps, are held more stiffly by a factor, at most so
+/// often for one set.
+const NEARER: f64 = 0.99;
+const STIFFENING: f64 = 100.0;
+const STIFFENINGS: usize = 2;
+
 /// After how many of them the time is looked at: with a good guess there is a solution by then.
 const UNASKED: usize = 3;
 
@@ -251,33 +257,54 @@ impl ActiveRows {
                 RowStatus::Violated(penalty) => at.mu[row] = penalty,
             }
         }
-        self.work.factorizations += 1;
-        if !at.factor(qp, expired) {
-            return None;
-        }
-        for step in 0..STEPS {
+        for stiffening in 0..=STIFFENINGS {
+            self.work.factorizations += 1;
+            if !at.factor(qp, expired) {
+                return None;
+            }
+            let mut halfway = 0.0;
+            for step in 0..STEPS {
+                at.residuals(qp);
+                if self.is_met(qp, at) {
+                    return Some(true);
+                }
+                if self.hasty && step > 0 && self.is_contradicted(qp, at) {
+                    return Some(true);
+                }
+                if step >= UNASKED && expired() {
+                    return None;
+                }
+                if step == STEPS / 2 {
+                    halfway = self.farthest(at);
+                }
+                self.steps_left = self.steps_left.checked_sub(1)?;
+                for &(row, bound) in &self.held {
+                    at.terms[row] = self.stiffness * (at.values[row] - bound);
+                }
+                at.solve(qp);
+                at.advance(1.0);
+                for &(row, _) in &self.held {
+                    at.mu[row] += self.stiffness * at.moved[row] + at.terms[row];
+                }
+            }
             at.residuals(qp);
             if self.is_met(qp, at) {
                 return Some(true);
             }
-            if self.hasty && step > 0 && self.is_contradicted(qp, at) {
-                return Some(true);
+            // Rows that cannot be met together stay where they are.
+            if self.farthest(at) > NEARER * halfway || stiffening == STIFFENINGS {
+                break;
             }
-            if step >= UNASKED && expired() {
-                return None;
-            }
-            self.steps_left = self.steps_left.checked_sub(1)?;
-            for &(row, bound) in &self.held {
-                at.terms[row] = self.stiffness * (at.values[row] - bound);
-            }
-            at.solve(qp);
-            at.advance(1.0);
-            for &(row, _) in &self.held {
-                at.mu[row] += self.stiffness * at.moved[row] + at.terms[row];
-            }
+            self.stiffness *= STIFFENING;
+            self.held.iter().for_each(|&(row, _)| at.weights[row] = self.stiffness);
         }
-        at.residuals(qp);
-        Some(self.is_met(qp, at))
+        Some(false)
+    }
+
+    /// How far the held row that is farthest from its limit is from it.
+    fn farthest(&self, at: &Newton) -> f64 {
+        let off = self.held.iter().map(|&(row, bound)| (at.values[row] - bound).abs());
+        off.fold(0.0, f64::max)
     }
 
     fn is_met(&self, qp: &Qp, at: &Newton) -> bool {
@@ -287,8 +314,7 @@ impl ActiveRows {
             return false;
         }
         let extent = 1.0 + largest(&at.d);
-        let off = self.held.iter().map(|&(row, bound)| (at.values[row] - bound).abs());
-        let off = off.fold(largest(&at.defect), f64::max);
+        let off = self.farthest(at).max(largest(&at.defect));
         extent.is_finite() && off <= TOLERANCE * extent
     }
 
@@ -432,6 +458,17 @@ mod tests {
             assert!((found.0 - u).abs() < 1e-10, "{} {u}", found.0);
             assert_eq!((found.1, found.2), (statuses, work));
         }
+    }
+
+    /// x = 100 u, where one of the curvatures is nearly 0 and the one along u is 1e4.
+    #[test]
+    fn rows_that_come_near_slowly_are_held_more_stiffly() {
+        let mut qp = scalar(1.0, 1e-8);
+        (qp.b[0], qp.gradient[1]) = (100.0, -3e4);
+        qp.bounds.high[1] = 1.0;
+        let (u, statuses, work) = solved(&qp, [0.0, 1.0, 0.0], Patience::ENDLESS).unwrap();
+        assert!((u - 1.0).abs() < 1e-9, "{u}");
+        assert_eq!((statuses, work), ([RowStatus::Inactive, HELD], [3, 0]));
     }
 
     #[test]

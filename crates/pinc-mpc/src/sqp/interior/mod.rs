@@ -16,8 +16,9 @@ use pinc_qp::{Barrier, OcpDims, Qp, QpWork};
 const PATIENCE: usize = 32;
 /// After a control step that needed the phase, so many begin with it.
 const REPEATED: usize = 16;
-/// tau at the beginning: from a plan that programs did not bring far, and from the last control step's.
-const TAU: [f64; 2] = [1e-2, 1e-3];
+/// tau at the beginning: from a plan that programs brought near, and from the last control step's, whose
+/// active rows may not be those of the measured state; a small tau keeps the step from leaving them.
+const TAU: [f64; 2] = [1e-2, 1e-1];
 /// A phase that does not converge must bring the residual to this part of what it was.
 const GAINED: f64 = 0.1;
 /// The part of the promised decrease of the merit function that a step must bring.
@@ -139,8 +140,8 @@ impl Sqp {
         expired: &mut dyn FnMut() -> bool,
     ) -> Phase {
         let Some(mut interior) = self.interior.take() else { return Phase::Failed };
-        let [cold, warm] = TAU;
-        let tau = if *iterations == 0 { warm } else { cold };
+        let [near, shifted] = TAU;
+        let tau = if *iterations == 0 { shifted } else { near };
         interior.start.copy_from(plan);
         interior.barrier.begin(&self.qp, &plan.multipliers, tau);
         interior.barrier.write(&mut plan.multipliers);
