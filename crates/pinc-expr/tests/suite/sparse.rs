@@ -5,7 +5,7 @@ use super::common::{INPUTS, config, expressions, points};
 use super::numbers::{numbers, plant_of, texts, variables};
 use super::on_dual_numbers;
 use pinc_expr::{Equations, ExpressionPlant};
-use pinc_ode::{Dims, Integrator, LinearizationBuffer, Model, Plant, Stages};
+use pinc_ode::{Dims, Gradients, Integrator, LinearizationBuffer, Model, Plant, Stages};
 use proptest::prelude::*;
 
 /// What the two may differ by, relative to 1 + |value|.
@@ -207,11 +207,30 @@ fn pivots_that_vanish() {
     let at = |k: i32| 8.0 - if k % 3 == 0 { 0.0 } else { 10.0_f64.powi(-k) };
     let points: Vec<f64> =
         (0..21).flat_map(|k| [1.0 + 0.01 * f64::from(k), at(k), 0.2, -0.5]).collect();
-    let mut found = plant.clone().into_dyn().model(Integrator::Rosenbrock, 0.5, 1).unwrap();
-    let found = linearize(&mut *found, &points);
+    let mut model = plant.clone().into_dyn().model(Integrator::Rosenbrock, 0.5, 1).unwrap();
+    let found = linearize(&mut *model, &points);
     let expected = rosenbrock(&plant, 0.5, &points);
     let difference = difference(&found, &expected);
     assert!(difference <= 1e-11, "{difference:e}");
+
+    // The gradient of x+ - 2 y+ + z+ by the state.
+    let weights = [1.0, -2.0, 1.0];
+    let (mut x, mut u): (Vec<f64>, Vec<f64>) = (Vec::new(), Vec::new());
+    for point in points.chunks_exact(4) {
+        x.extend(&point[..3]);
+        u.push(point[3]);
+    }
+    let at = Stages { x: &x, u: &u, p: &[] };
+    let (mut by_x, mut by_u) = (x.clone(), u.clone());
+    let out = Gradients { x: &mut by_x, u: &mut by_u, p: &mut [] };
+    assert!(model.pull_back(at, &weights.repeat(u.len()), out));
+    for (by_x, a) in by_x.chunks_exact(3).zip(expected.a.chunks_exact(9)) {
+        for (i, found) in by_x.iter().enumerate() {
+            let terms = (0..3).map(|row| weights[row] * a[row * 3 + i]);
+            let [sum, size] = terms.fold([0.0, 1.0], |[s, m], t| [s + t, m + t.abs()]);
+            assert!((found - sum).abs() <= 1e-11 * size, "{found:e} {sum:e}");
+        }
+    }
 }
 
 /// A rod of 40 nodes: each block of columns reaches only a part of them.

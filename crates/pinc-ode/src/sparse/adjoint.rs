@@ -3,6 +3,7 @@
 //! times theirs by k.
 
 use super::SparsityPattern;
+use super::gradient::Gradient;
 use super::tableau::{Stage, places};
 use pinc_ad::simd::Simd;
 
@@ -10,10 +11,7 @@ use pinc_ad::simd::Simd;
 #[derive(Clone, Debug)]
 pub(super) struct Adjoint<V> {
     states: usize,
-    /// The state at the beginning of each substep.
-    starts: Vec<V>,
-    /// By the variables: by the state so far back, and by inputs and parameters on the way there.
-    gradient: Vec<V>,
+    pub(super) gradient: Gradient<V>,
     /// By what is in the places of the stages: see [`Stage`].
     places: Vec<V>,
     /// By the slope of a stage.
@@ -30,25 +28,9 @@ impl<V: Simd> Adjoint<V> {
         let states = pattern.rows();
         Self {
             states,
-            starts: vec![zero; substeps * states],
-            gradient: vec![zero; pattern.columns()],
+            gradient: Gradient::new(pattern, substeps, zero),
             places: vec![zero; places(stages) * states],
             slope: vec![zero; states],
-        }
-    }
-
-    /// The state at the beginning of a substep.
-    #[inline(always)]
-    pub(super) fn start(&mut self, substep: usize) -> &mut [V] {
-        &mut self.starts[substep * self.states..][..self.states]
-    }
-
-    /// Begins at the end of a step, where the gradient by the state has these weights.
-    #[inline(always)]
-    pub(super) fn begin(&mut self, weights: impl Fn(usize) -> V, zero: V) {
-        self.gradient.fill(zero);
-        for (i, to) in self.gradient.iter_mut().take(self.states).enumerate() {
-            *to = weights(i);
         }
     }
 
@@ -63,7 +45,7 @@ impl<V: Simd> Adjoint<V> {
         zero: V,
     ) {
         let Self { states, gradient, places, slope, .. } = self;
-        let n = *states;
+        let (n, gradient) = (*states, &mut gradient.numbers);
         places.fill(zero);
         places[..n].copy_from_slice(&gradient[..n]);
         for (s, Stage { input, moves }) in stages.iter().enumerate().rev() {
@@ -93,11 +75,5 @@ impl<V: Simd> Adjoint<V> {
             }
         }
         gradient[..n].copy_from_slice(&places[..n]);
-    }
-
-    /// The gradient.
-    #[inline(always)]
-    pub(super) fn gradient(&self) -> &[V] {
-        &self.gradient
     }
 }

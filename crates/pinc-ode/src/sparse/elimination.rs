@@ -171,12 +171,38 @@ impl<V: Simd> Elimination<V> {
         }
     }
 
+    /// Solves with the transposed matrix.
+    #[inline(always)]
+    pub(super) fn solve_transposed(&mut self, b: &mut [[V; 1]]) {
+        let alone = self.alone.contains(&true);
+        if alone {
+            self.solve_alone(b, lu::solve_transposed);
+        }
+        let Self { rows, columns, factors, inverse, .. } = &*self;
+        for &Row { state, split, end, .. } in rows {
+            let value = b[state][0] * inverse[state];
+            b[state] = [value];
+            for (&column, factor) in columns[split..end].iter().zip(&factors[split..end]) {
+                b[column] = [factor.neg_mul_add(value, b[column][0])];
+            }
+        }
+        for &Row { state, begin, split, .. } in rows.iter().rev() {
+            let [value] = b[state];
+            for (&column, factor) in columns[begin..split].iter().zip(&factors[begin..split]) {
+                b[column] = [factor.neg_mul_add(value, b[column][0])];
+            }
+        }
+        if alone {
+            self.place_alone(b);
+        }
+    }
+
     /// Solves for `W` columns: `b` becomes the solution.
     #[inline(always)]
     pub(super) fn solve<const W: usize>(&mut self, b: &mut [[V; W]]) {
         let alone = self.alone.contains(&true);
         if alone {
-            self.solve_alone(b);
+            self.solve_alone(b, lu::solve);
         }
         let Self { rows, columns, factors, inverse, .. } = &*self;
         for &Row { state, begin, split, .. } in rows {
@@ -206,7 +232,11 @@ impl<V: Simd> Elimination<V> {
 
     /// Solves for the lanes that need an exchange of rows.
     #[inline(never)]
-    fn solve_alone<const W: usize>(&mut self, b: &[[V; W]]) {
+    fn solve_alone<const W: usize>(
+        &mut self,
+        b: &[[V; W]],
+        solve: fn(&[f64], &[usize], &mut [f64]),
+    ) {
         let Self { alone, exchanged, .. } = self;
         for lane in (0..V::LANES).filter(|&lane| alone[lane]) {
             for c in 0..W {
@@ -216,7 +246,7 @@ impl<V: Simd> Elimination<V> {
                     row[c].write(&mut lanes);
                     *to = lanes[lane];
                 }
-                lu::solve(matrix, order, column);
+                solve(matrix, order, column);
             }
         }
     }

@@ -49,9 +49,28 @@ pub(super) fn solve(a: &[f64], order: &[usize], b: &mut [f64]) {
     }
 }
 
+/// Solves with the transposed matrix: `b` becomes the solution.
+pub(super) fn solve_transposed(a: &[f64], order: &[usize], b: &mut [f64]) {
+    let n = order.len();
+    for i in 0..n {
+        b[i] *= a[i * n + i];
+        for j in i + 1..n {
+            b[j] = (-a[i * n + j]).mul_add(b[i], b[j]);
+        }
+    }
+    for i in (1..n).rev() {
+        for j in 0..i {
+            b[j] = (-a[i * n + j]).mul_add(b[i], b[j]);
+        }
+    }
+    for (k, &pivot) in order.iter().enumerate().rev() {
+        b.swap(k, pivot);
+    }
+}
+
 #[cfg(test)]
 mod tests {
-    use super::{factorize, solve};
+    use super::{factorize, solve, solve_transposed};
 
     /// The matrix has a zero where the first pivot would be. A x = b has the solution (1, 2, 3).
     #[test]
@@ -60,7 +79,10 @@ mod tests {
         let (mut x, mut order) = ([7.0, 6.0, 7.0], [0; 3]);
         factorize(&mut a, &mut order);
         solve(&a, &order, &mut x);
-        for (x, expected) in x.into_iter().zip([1.0_f64, 2.0, 3.0]) {
+        // A'x = b.
+        let mut transposed = [11.0, 4.0, 7.0];
+        solve_transposed(&a, &order, &mut transposed);
+        for (x, expected) in x.into_iter().chain(transposed).zip([1.0_f64, 2.0, 3.0].repeat(2)) {
             assert!((x - expected).abs() < 1e-14, "{x}");
         }
     }

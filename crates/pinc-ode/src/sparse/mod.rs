@@ -3,7 +3,9 @@
 
 mod adjoint;
 mod by_count;
+mod cotangents;
 mod elimination;
+mod gradient;
 mod lanes;
 mod lu;
 mod model;

@@ -2,6 +2,7 @@
 //! model.
 
 use super::by_count::by_count;
+use super::cotangents::Cotangents;
 use super::elimination::Elimination;
 use super::lanes::gather;
 use super::model::{SparseModel, Stepper, checked_substep};
@@ -117,6 +118,7 @@ impl<F: CurvedFunction, H: SparseFunction> Task for Build<F, H> {
             k: vec![[zero]; STAGES * dims.nx],
             entries: vec![zero; STAGES * pattern.entries()],
             tangents: Tangents::new(&rhs, zero),
+            cotangents: Cotangents::new(pattern, substeps, zero),
             rhs,
         };
         Box::new(SparseModel::new((dims, outputs), sample_time_s, stepper, zero))
@@ -141,6 +143,7 @@ struct Rosenbrock<F, V> {
     /// The entries of the Jacobian at each stage.
     entries: Vec<V>,
     tangents: Tangents<V>,
+    cotangents: Cotangents<V>,
 }
 
 impl<F: CurvedFunction, V: Simd> Rosenbrock<F, V> {
@@ -232,7 +235,23 @@ impl<F: CurvedFunction, V: Simd> Stepper<V> for Rosenbrock<F, V> {
     }
 
     #[inline(always)]
-    fn pull_back(&mut self, _: impl Fn(usize) -> V, _: usize) -> Option<&[V]> {
-        None
+    fn pull_back(&mut self, weights: impl Fn(usize) -> V, columns: usize) -> Option<&[V]> {
+        let last = self.substeps - 1;
+        for number in 0..self.substeps {
+            self.cotangents.gradient.start(number).copy_from_slice(&self.memory[..self.nx]);
+            if number < last {
+                self.substep(false);
+            }
+        }
+        self.cotangents.gradient.begin(weights, self.zero);
+        for number in (0..self.substeps).rev() {
+            self.memory[..self.nx].copy_from_slice(self.cotangents.gradient.start(number));
+            self.substep(true);
+            let Self { rhs, h, zero, elimination, k, entries, tangents, cotangents, .. } = self;
+            let (pattern, h, zero) = (rhs.pattern(), *h, *zero);
+            let substep = Substep { pattern, entries, k, elimination, h, zero };
+            cotangents.pull_back(substep, (&tangents.curvatures, &tangents.second), columns);
+        }
+        Some(&self.cotangents.gradient.numbers)
     }
 }

@@ -233,15 +233,15 @@ impl<F: SparseFunction, V: Simd> Stepper<V> for Explicit<F, V> {
                 self.recorded_substep(number);
                 continue;
             }
-            self.adjoint.start(number).copy_from_slice(&self.memory[..nx]);
+            self.adjoint.gradient.start(number).copy_from_slice(&self.memory[..nx]);
             if number + 1 < self.substeps {
                 self.substep();
             }
         }
-        self.adjoint.begin(weights, self.zero);
+        self.adjoint.gradient.begin(weights, self.zero);
         for number in (0..self.substeps).rev() {
             if !all {
-                self.memory[..nx].copy_from_slice(self.adjoint.start(number));
+                self.memory[..nx].copy_from_slice(self.adjoint.gradient.start(number));
                 self.recorded_substep(0);
             }
             let Self { rhs, stages, entries, adjoint, zero, .. } = &mut *self;
@@ -249,6 +249,6 @@ impl<F: SparseFunction, V: Simd> Stepper<V> for Explicit<F, V> {
             let place = if all { number } else { 0 } * stages.len() * pattern.entries();
             adjoint.pull_back(pattern, (stages, &entries[place..]), columns, *zero);
         }
-        Some(self.adjoint.gradient())
+        Some(&self.adjoint.gradient.numbers)
     }
 }

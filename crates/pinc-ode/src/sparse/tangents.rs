@@ -29,7 +29,7 @@ pub(super) struct Tangents<V> {
     /// `K_i` of a block, stage by stage, and a sum of them.
     stages: Vec<V>,
     sum: Vec<V>,
-    curvatures: Vec<Curved>,
+    pub(super) curvatures: Vec<Curved>,
     /// The second derivatives of f at the beginning of a substep, in the order of `curvatures`.
     pub(super) second: Vec<V>,
     /// `J(y_i) + M_i`, stage by stage.
@@ -38,9 +38,11 @@ pub(super) struct Tangents<V> {
 
 /// What a second derivative is a part of: this entry of M, times k of this state.
 #[derive(Clone, Copy, Debug)]
-struct Curved {
-    entry: usize,
-    state: usize,
+pub(super) struct Curved {
+    pub(super) entry: usize,
+    /// The entry's row.
+    pub(super) row: usize,
+    pub(super) state: usize,
 }
 
 impl<V: Simd> Tangents<V> {
@@ -52,10 +54,11 @@ impl<V: Simd> Tangents<V> {
         let width = WIDTHS.into_iter().min_by_key(work).unwrap_or(MOST_COLUMNS);
         let row_of = |entry: usize| (0..states).find(|&i| pattern.row(i).contains(&entry));
         let curved = |curvature: &super::Curvature| {
-            let row = pattern.row(row_of(curvature.entry)?);
-            let begin = row.start;
-            let place = pattern.places()[row].iter().position(|&v| v == curvature.variable)?;
-            Some(Curved { entry: begin + place, state: pattern.places()[curvature.entry] })
+            let row = row_of(curvature.entry)?;
+            let places = pattern.row(row);
+            let entry = places.start
+                + pattern.places()[places].iter().position(|&v| v == curvature.variable)?;
+            Some(Curved { entry, row, state: pattern.places()[curvature.entry] })
         };
         let curvatures: Option<Vec<_>> = rhs.curvatures().iter().map(curved).collect();
         let curvatures = curvatures.expect("what bends by a variable has a slope by it");
@@ -100,7 +103,7 @@ impl<V: Simd> Tangents<V> {
         let count = substep.pattern.entries();
         let stages = slopes.chunks_exact_mut(count.max(1)).zip(substep.k.chunks_exact(*states));
         for (slopes, k) in stages {
-            for (Curved { entry, state }, &second) in curvatures.iter().zip(&*second) {
+            for (Curved { entry, state, .. }, &second) in curvatures.iter().zip(&*second) {
                 slopes[*entry] = second.mul_add(k[*state][0], slopes[*entry]);
             }
         }

@@ -77,7 +77,8 @@ fn text() -> Box<dyn DynPlant> {
 #[test]
 fn gradients_are_the_weighted_jacobians() {
     for integrator in Integrator::ALL {
-        for (plant, backwards) in [(text(), integrator.tableau().is_some()), (tanks(), false)] {
+        for (plant, backwards) in [(text(), true), (tanks(), integrator == Integrator::Rosenbrock)]
+        {
             for (substeps, counts) in [(3, &[1, 3, 8, 13, 16][..]), (300, &[5])] {
                 let mut model = plant.model(integrator, 0.3, substeps).unwrap();
                 for &count in counts {
