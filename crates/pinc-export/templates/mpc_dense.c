@@ -611,6 +611,17 @@ static int pinc_is_met(pinc_dense *s)
     return pinc_all_finite(s->values, PINC_LIMITS) & pinc_all_finite(s->mu, PINC_LIMITS);
 }
 
+/* Brings multipliers that rounding has left outside into their limits: on the other side of a row there
+   may be none that is finite. */
+static void pinc_clear_rounding(pinc_dense *s)
+{
+    int k;
+    for (k = 0; k < s->members; k++) {
+        const int row = s->working[k];
+        s->mu[row] = pinc_clamp(s->mu[row], s->least[k], s->most[k]);
+    }
+}
+
 /* Finds x for the working set and changes this until all rows are met. */
 static pinc_qp_status pinc_meet_rows(pinc_mpc *m)
 {
@@ -630,7 +641,11 @@ static pinc_qp_status pinc_meet_rows(pinc_mpc *m)
                 return status;
             }
         } else if (fresh != 0) {
-            return (pinc_is_met(s) != 0) ? PINC_QP_SOLVED : PINC_QP_FAILED;
+            if (pinc_is_met(s) == 0) {
+                return PINC_QP_FAILED;
+            }
+            pinc_clear_rounding(s);
+            return PINC_QP_SOLVED;
         } else {
             pinc_resolve(s);
             fresh = 1;

@@ -28,10 +28,32 @@ static void pinc_seen_outputs(const pinc_mpc *m, const PINC_REAL *x, const PINC_
     }
 }
 
+#if PINC_OUTPUT_STARTS
+/* Where an output at the measured state does not change with the input after all, no input can bring
+   it into its bounds: hard ones admit its value. What soft ones cost stays, since the derivative may
+   vanish at one input only. */
+static void pinc_admit_given(const pinc_mpc *m, pinc_qp *qp)
+{
+    int i;
+    int k;
+    for (i = 0; i < PINC_OUTPUT_ROWS; i++) {
+        const int measured = ((pinc_output_interval[i] == 0) && (pinc_output_start[i] != 0)) ? 1 : 0;
+        PINC_REAL reach = PINC_N(0);
+        for (k = 0; k < PINC_NU; k++) {
+            reach = pinc_max(reach, pinc_abs(qp->output_u[(i * PINC_NU) + k]));
+        }
+        if ((measured != 0) && (reach <= PINC_N(0)) && !(m->output_penalty[i] < PINC_INFINITY)) {
+            qp->output_low[i] = pinc_min(qp->output_low[i], PINC_N(0));
+            qp->output_high[i] = pinc_max(qp->output_high[i], PINC_N(0));
+        }
+    }
+}
+
+#endif
+
 #if PINC_OUTPUT_ROWS > 0
 /* What is left of the bounds on outputs at the end of interval j, or at its start, and their
-   rows. The measured state does not move, and no input brings an output there into its bounds that
-   does not depend on it. */
+   rows. The measured state does not move. */
 static void pinc_limit_outputs(const pinc_mpc *m, pinc_qp *qp, int j, int start, const PINC_REAL *y,
                                const PINC_REAL *c, const PINC_REAL *d)
 {
@@ -42,7 +64,6 @@ static void pinc_limit_outputs(const pinc_mpc *m, pinc_qp *qp, int j, int start,
     for (i = 0; i < PINC_OUTPUT_ROWS; i++) {
         const int o = pinc_output_number[i];
         const PINC_REAL unit = pinc_output_unit[i];
-        PINC_REAL reach = PINC_N(0);
         if ((pinc_output_interval[i] != j) || (pinc_output_start[i] != start)) {
             continue;
         }
@@ -54,11 +75,6 @@ static void pinc_limit_outputs(const pinc_mpc *m, pinc_qp *qp, int j, int start,
         }
         for (k = 0; k < PINC_NU; k++) {
             qp->output_u[(i * PINC_NU) + k] = d[(o * PINC_NU) + k] / unit;
-            reach = pinc_max(reach, pinc_abs(d[(o * PINC_NU) + k]));
-        }
-        if ((measured != 0) && (reach <= PINC_N(0))) {
-            qp->output_low[i] = pinc_min(qp->output_low[i], PINC_N(0));
-            qp->output_high[i] = pinc_max(qp->output_high[i], PINC_N(0));
         }
     }
 }
@@ -148,6 +164,9 @@ static PINC_REAL pinc_follow_outputs(const pinc_mpc *m, const PINC_REAL *z,
         pinc_limit_outputs(m, qp, j, 1, y, c, d);
 #endif
     }
+#if PINC_OUTPUT_STARTS
+    pinc_admit_given(m, qp);
+#endif
     return twice;
 }
 

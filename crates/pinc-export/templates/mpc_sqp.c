@@ -724,6 +724,9 @@ static pinc_status pinc_judge(pinc_mpc *m, pinc_status status)
         if (PINC_OUTPUTS_EXACT == 0) {
             pinc_copy(m->output_penalty, pinc_output_penalty, PINC_OUTPUT_ROWS);
         }
+#if PINC_OUTPUT_STARTS
+        pinc_admit_given(m, &m->qp[m->at]);
+#endif
     }
     (void)pinc_residual(m, &m->qp[m->at], &judged->m);
     if ((m->elastic != 0) && (m->bounds_residual > PINC_KKT_TOLERANCE) &&

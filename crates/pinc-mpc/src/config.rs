@@ -52,13 +52,13 @@ impl fmt::Display for SqpStatus {
 pub enum SqpHessian {
     /// `Adaptive` on a scenario tree, where the cost leaves inputs free
     /// ([`NmpcProblem::leaves_inputs_free`]), and with constraints h and g; otherwise `GaussNewton`, until
-    /// so many QPs were slow that the step might end at its limit.
+    /// so many QPs were slow that the step might end at its limit, or one gave a step without descent.
     #[default]
     Auto,
     /// Without the curvature of model, outputs, h and g.
     GaussNewton,
-    /// Gauss-Newton, and where it is slow the exact Hessian of the Lagrangian, made convex. It needs
-    /// second derivatives, which make a QP several times as expensive.
+    /// Gauss-Newton, and where it is slow or has no descent the exact Hessian of the Lagrangian, made
+    /// convex. It needs second derivatives, which make a QP several times as expensive.
     Adaptive,
 }
 

@@ -5,6 +5,7 @@ use super::{Outcome, PlanState, Sqp};
 use crate::kkt::KktResidual;
 use crate::merit::limits_after;
 use crate::solution::Solution;
+use crate::transcription::admit_given;
 use crate::{NmpcProblem, Softness, SqpStatus};
 use pinc_qp::{Kind, OcpDims, Qp, Row};
 
@@ -81,6 +82,7 @@ impl Sqp {
     ) -> Outcome {
         if self.elastic {
             self.restore(false);
+            admit_given(&mut self.qp);
             outcome.last = match outcome.plan_state {
                 PlanState::Evaluated => self.residual(plan),
                 PlanState::Stepped | PlanState::Partial => {

@@ -576,11 +576,13 @@ fn rows_at_measured(dims: OcpDims) -> impl Iterator<Item = usize> {
 }
 
 /// Where an output at the measured state does not change with the input after all, no input can
-/// bring it into its bounds: these admit its value.
-fn admit_given(qp: &mut Qp) {
+/// bring it into its bounds: hard ones admit its value. What soft ones cost stays, since the derivative
+/// may vanish at one input only.
+pub(crate) fn admit_given(qp: &mut Qp) {
     let m = qp.dims.nu;
     for row in rows_at_measured(qp.dims) {
-        if qp.rows_u[row * m..(row + 1) * m].iter().all(|d| d.abs() <= 0.0) {
+        let is_given = qp.rows_u[row * m..(row + 1) * m].iter().all(|d| d.abs() <= 0.0);
+        if is_given && qp.rows.penalty[row].is_infinite() {
             qp.rows.low[row] = qp.rows.low[row].min(0.0);
             qp.rows.high[row] = qp.rows.high[row].max(0.0);
         }

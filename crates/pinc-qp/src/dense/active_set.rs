@@ -227,7 +227,10 @@ impl ActiveSet {
                         return status;
                     }
                 }
-                None if fresh && self.is_met(qp) => return DenseStatus::Solved,
+                None if fresh && self.is_met(qp) => {
+                    self.clear_rounding();
+                    return DenseStatus::Solved;
+                }
                 None if fresh => return DenseStatus::Failed,
                 None => {
                     self.resolve(qp);
@@ -236,6 +239,15 @@ impl ActiveSet {
             }
         }
         DenseStatus::Failed
+    }
+
+    /// Brings multipliers that rounding has left outside into their limits: on the other side of a row
+    /// there may be none that is finite.
+    fn clear_rounding(&mut self) {
+        for member in &self.working {
+            let mu = &mut self.mu[member.row];
+            *mu = mu.clamp(member.least, member.most);
+        }
     }
 
     /// Whether the solution is made of numbers, as comparisons with NaN find no row that is off, and

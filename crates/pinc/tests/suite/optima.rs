@@ -1,6 +1,7 @@
 //! First plans of shipped configs with a `[control.cost]`, against IPOPT's on the same
 //! discretization, as `benches/peers/casadi_cost.py` found them: beside ours for the double pendulum
-//! and the periodic reactor, where IPOPT finds worse minima from elsewhere.
+//! and the periodic reactor, where IPOPT finds worse minima from elsewhere. And first steps that
+//! Gauss-Newton's Hessian alone does not find.
 
 use crate::common::repository;
 use pinc_config::{Experiment, Plants};
@@ -212,4 +213,109 @@ initial_input = { u0 = 0.0, stretch = 1.0 }
     // IPOPT's is -16.57448 from the same inputs; there are lower minima.
     let found = |plan: &&(SqpStatus, f64)| plan.0 == SqpStatus::Converged && plan.1 < -16.5744;
     assert!(plans.iter().filter(found).count() > 3, "{plans:?}");
+}
+
+/// How the first step of a controller from x ends, and its input.
+#[track_caller]
+fn square_step(text: &str, x: &[f64], method: &str) -> (SqpStatus, Vec<f64>) {
+    let sets = [format!("control.sqp.qp={method:?}")];
+    let text = format!("preset = \"ours\"\nseed = 1\n{text}");
+    let parsed = Experiment::parse("text.toml".as_ref(), &text, &sets, &Plants::built_in());
+    let mut controller = LiveController::new(&parsed.unwrap(), None, None, "the test").unwrap();
+    let step = controller.step(x, Follow::Config, None).unwrap();
+    (step.status, step.u.to_vec())
+}
+
+/// A heater above its temperature bound is switched off from any current; losses by the square of an input
+/// are not made up for by that input; a bound holds beside one that is nearly the same. IPOPT's inputs.
+#[test]
+fn inputs_whose_gradient_vanishes_at_their_bound() {
+    let heater = r#"
+        name = "heater"
+        plant.expression = { states = ["T"], inputs = ["i"], derivatives = { T = "-0.3*T + 0.8*i^2" } }
+        [control]
+        models = ["rk4"]
+        step_s = 0.25
+        duration_s = 5.0
+        initial_state = [0.9]
+        initial_input = [0.5]
+        controlled = ["T"]
+        q = [10.0]
+        r = [0.001]
+        n2 = 4
+        nu = 4
+        input_low = [0.0]
+        input_high = [1.0]
+        state_high = [0.4]
+        state_softness = "exact"
+        references = [{ start_s = 0.0, value = [0.6] }]
+    "#;
+    let losses = r#"
+        name = "losses"
+        [plant.expression]
+        states = ["a", "b"]
+        inputs = ["u", "v"]
+        derivatives = { a = "-0.7*a^2*tanh(b) + u", b = "1.2*sin(a) - 0.4*b + 0.3*v*a" }
+        outputs = { w = "a*b + 0.5*u^2" }
+        [control]
+        models = ["rk4"]
+        step_s = 0.4
+        duration_s = 4.0
+        initial_state = [0.7, 1.2]
+        controlled = ["w"]
+        q = [1.0]
+        r = [0.1, 0.1]
+        n2 = 8
+        nu = 8
+        input_low = [0.0, -2.0]
+        input_high = [2.0, 2.0]
+        output_high = [0.8]
+        output_softness = { penalty = [5.0] }
+        references = [{ start_s = 0.0, value = [0.5] }]
+    "#;
+    let twins = r#"
+        name = "twins"
+        [plant.expression]
+        states = ["x", "z"]
+        inputs = ["u", "v"]
+        derivatives = { x = "-0.37*x + 0.46*sin(z) + 0.99*u", z = "-0.31*z" }
+        outputs = { y = "x + v^2" }
+        [control]
+        models = ["rk4"]
+        step_s = 0.34
+        duration_s = 3.4
+        initial_state = [0.0, 0.0]
+        initial_input = [0.5, 0.2]
+        controlled = ["x"]
+        q = [1.0]
+        r = [0.1, 0.1]
+        n2 = 8
+        nu = 5
+        input_low = [0.0, 0.01]
+        input_high = [1.0, 1.0]
+        state_high = [0.3, inf]
+        state_softness = { penalty = [100.0, 100.0] }
+        output_high = [0.3]
+        output_softness = { penalty = [100.0] }
+        references = [{ start_s = 0.0, value = [0.96] }]
+    "#;
+    let mut cases = vec![
+        (losses, vec![0.825_796_486_361_381_5, 1.194_361_675_567_756_6], vec![0.0, -2.0]),
+        (twins, vec![-0.566_801_205_738_773_2, -0.155_766_848_834_565_37], vec![1.0, 0.136_666_67]),
+    ];
+    cases.extend((0..12).map(|k| (heater, vec![0.45 + 0.08 * f64::from(k)], vec![0.0])));
+    for (text, x, expected) in cases {
+        for method in ["auto", "riccati"] {
+            let (status, u) = square_step(text, &x, method);
+            assert_eq!(status, SqpStatus::Converged, "{method} at {x:?}");
+            for (found, expected) in u.iter().zip(&expected) {
+                assert!((found - expected).abs() < 1e-6, "{method} at {x:?}: {u:?}");
+            }
+        }
+    }
+    // Hard bounds that cannot be met are violated as little as possible.
+    let hard = heater.replace("state_softness = \"exact\"\n", "");
+    let (status, u) = square_step(&hard, &[0.9], "auto");
+    assert_eq!(status, SqpStatus::InfeasibleQp);
+    assert!(u[0] < 1e-6, "{u:?}");
 }

@@ -50,6 +50,8 @@ pub(super) struct HessianChoice {
     patience: usize,
     has_been_slow: bool,
     is_slow: bool,
+    /// Whether the exact Hessian may help where Gauss-Newton's step is no good: once for a problem.
+    may_help: bool,
     convexity: Convexity,
 }
 
@@ -76,6 +78,7 @@ impl HessianChoice {
             patience: PATIENCE,
             has_been_slow: false,
             is_slow: false,
+            may_help: true,
             convexity: Convexity::default(),
         }
     }
@@ -113,7 +116,7 @@ impl HessianChoice {
     /// Judges anew: the problem is another one after so many programs.
     pub(super) fn restart(&mut self, programs: usize) {
         self.least = [f64::INFINITY; WINDOW];
-        self.judged_from = programs + self.patience;
+        (self.judged_from, self.may_help) = (programs + self.patience, true);
     }
 
     /// How the exact Hessian is made convex.
@@ -139,15 +142,17 @@ impl HessianChoice {
         }
     }
 
-    /// Gives up the exact Hessian, whose step is no good, after so many programs; whether there is
-    /// another, or the same with more damping.
+    /// Gives up the Hessian, whose step is no good, after so many programs; whether there is another, or
+    /// the same with more damping.
     pub(super) fn give_up(&mut self, programs: usize) -> bool {
         if self.only == Some(Hessian::Exact) {
             let before = self.convexity.damping;
             self.damp();
             return self.convexity.damping > before;
         }
-        self.current == Hessian::Exact && self.change(programs)
+        let from_exact = self.current == Hessian::Exact;
+        let is_new = std::mem::take(&mut self.may_help);
+        (from_exact || is_new) && self.change(programs)
     }
 
     /// Takes the other Hessian, if there is one.

@@ -25,13 +25,20 @@ fn a_slow_hessian_is_changed_and_a_fast_one_is_kept() {
 }
 
 #[test]
-fn only_the_exact_hessian_is_given_up() {
+fn a_hessian_whose_step_is_no_good_is_given_up_once() {
     let mut choice = HessianChoice::new(None);
-    assert!(!choice.give_up(1));
-    assert!((0..=8).any(|k| choice.judge(k, 1.0)));
-    assert!(choice.give_up(10));
-    assert_eq!(choice.current(), Hessian::GaussNewton);
+    for begin in [0, 20] {
+        for next in [Hessian::Exact, Hessian::GaussNewton] {
+            assert!(choice.give_up(begin));
+            assert_eq!(choice.current(), next);
+        }
+        assert!(!choice.give_up(begin));
+        // The same problem with soft constraints is another one.
+        choice.restart(begin + 10);
+    }
+    assert!((30..=40).any(|k| choice.judge(k, 1.0)));
     assert!(choice.convexity().damping <= 0.0);
+    assert!(!HessianChoice::new(Some(Hessian::GaussNewton)).give_up(1));
 }
 
 #[test]
