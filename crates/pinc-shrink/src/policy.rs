@@ -28,21 +28,28 @@ pub struct PolicyNet {
     pub(crate) steps: Vec<f64>,
 }
 
-/// How far a step of the same model may lead elsewhere, in half widths of the states: vectors of other
-/// machines round differently.
+/// How far a step of the same model may lead elsewhere, in half widths of the states, and how far outputs
+/// may be off: vectors of other machines round differently.
 const SAME_STEP: f64 = 1e-8;
 
-/// Where one step of the model leads from two points amid the inputs of a net, `[2, n]`, by which a
-/// model of another equation or accuracy is told apart; empty where it has no value.
+/// Where one step of the model leads from two points amid the inputs of a net, and its outputs there if
+/// the controller has any, `[2, n + ny]`, by which a model of another equation or accuracy is told apart;
+/// empty where it has no value.
 pub(crate) fn model_steps(nmpc: &mut Nmpc, inputs: &Scale) -> Vec<f64> {
-    let dims = nmpc.model().dims();
+    let (dims, looks) = (nmpc.model().dims(), nmpc.problem().uses_outputs());
     let mut program = nmpc.program();
     let (model, p) = program.model(0);
-    let mut next = vec![0.0; 2 * dims.nx];
-    for (next, part) in next.chunks_exact_mut(dims.nx).zip([-0.5, 0.5]) {
+    let width = dims.nx + if looks { dims.ny } else { 0 };
+    let mut next = vec![0.0; 2 * width];
+    for (next, part) in next.chunks_exact_mut(width).zip([-0.5, 0.5]) {
         let parts = inputs.middle.iter().zip(&inputs.half);
         let at: Vec<f64> = parts.map(|(middle, half)| middle + part * half).collect();
-        model.step(&at[..dims.nx], &at[at.len() - dims.nu..], p, next);
+        let (x, u) = (&at[..dims.nx], &at[at.len() - dims.nu..]);
+        let (next, y) = next.split_at_mut(dims.nx);
+        model.step(x, u, p, next);
+        if looks {
+            model.output(x, u, p, y);
+        }
     }
     if next.iter().all(|x| x.is_finite()) { next } else { Vec::new() }
 }
@@ -124,11 +131,14 @@ impl PolicyNet {
     /// Checks that the controller plans with the model that the net's plans were made with.
     pub(crate) fn check_model(&self, nmpc: &mut Nmpc) -> Result<(), ShrinkError> {
         let steps = model_steps(nmpc, &self.inputs);
-        let widths = self.inputs.half[..nmpc.model().dims().nx].iter().cycle();
-        let is_near =
-            |((a, b), width): ((&f64, &f64), &f64)| (a - b).abs() <= SAME_STEP * (width + a.abs());
+        let (width, halves) = (steps.len() / 2, &self.inputs.half[..nmpc.model().dims().nx]);
+        let is_near = |(i, (a, b)): (usize, (&f64, &f64))| {
+            // Of outputs there are no widths.
+            let half = halves.get(i % width).copied().unwrap_or(1.0);
+            (a - b).abs() <= SAME_STEP * (half + a.abs())
+        };
         let same = steps.len() == self.steps.len()
-            && steps.iter().zip(&self.steps).zip(widths).all(is_near);
+            && steps.iter().zip(&self.steps).enumerate().all(is_near);
         if same { Ok(()) } else { Err(ShrinkError::Model) }
     }
 

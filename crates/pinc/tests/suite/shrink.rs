@@ -112,9 +112,11 @@ fn the_loop_of_the_net_is_beside_the_controllers(dir: &Path, policy: &Path) {
     assert_eq!(row.split_whitespace().nth(7), Some("-"), "{said:?}");
     let refused = outcome(&mut control("refused", "[\"rk5\", \"policy\"]", &file));
     refused.assert_refused(&[&file, "\"model\":\"rk4\"", "expected one for", "\"model\":\"rk5\""]);
-    let mut other = control("other", "[\"rk4\", \"policy\"]", &file);
-    let refused = outcome(other.args(["--set", "control.r=[7.0]"]));
-    refused.assert_refused(&["a net for", "[7.0]", "expected one for"]);
+    for set in ["control.r=[7.0]", "control.n1=2", "control.weights_profile=\"cumulative\""] {
+        let mut other = control("other", "[\"rk4\", \"policy\"]", &file);
+        let refused = outcome(other.args(["--set", set]));
+        refused.assert_refused(&["a net for", "expected one for"]);
+    }
     let refused = outcome(&mut control("refused", "[\"policy\"]", &file));
     refused.assert_refused(&["control.models", "another model too"]);
     let damaged = fs::read_to_string(policy).unwrap().replace("\"widths\":[", "\"widths\":[1,");
