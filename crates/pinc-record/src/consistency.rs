@@ -45,6 +45,16 @@ pub(crate) fn findings(estimator: &EstimatorMetrics, steps: usize) -> Vec<Findin
     let nees = MeanSquare { name: "NEES", mean: nees_mean, expected: states, steps: nees_steps };
     // One is enough: what is to be changed is the same.
     findings.extend([nis, nees].iter().find(|of| of.is_far_above()).map(MeanSquare::finding));
+    if let Some(kept) = estimator.estimator_status.get("not-finite") {
+        findings.push(Finding::new(
+            format!(
+                "the model was not finite at the estimate {kept} times in {steps} steps, and the last \
+                 estimate was kept."
+            ),
+            "It has left where the model is defined, mostly after wild measurements, and only a \
+             reset brings it back: set low and high in [control.estimator], or narrow its gate.",
+        ));
+    }
     let undefined = estimator.nis_undefined;
     if undefined > 0 {
         findings.push(Finding::new(

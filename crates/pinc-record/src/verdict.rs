@@ -89,8 +89,9 @@ impl Metrics {
             None if of.model == ModelKind::Policy && others().filter_map(reached).count() > 0 => {
                 Finding::new(
                     what,
-                    "Its net does not know later references, as controllers with control.preview \
-                     do: compare it with them under control.preview = false.",
+                    "Its net was trained too little (pinc shrink --samples), or does not know later \
+                     references, as controllers with control.preview do: compare it with them under \
+                     control.preview = false.",
                 )
             }
             None => Finding::new(
@@ -485,6 +486,21 @@ mod tests {
         let [note] = &notes[..] else { panic!("{notes:?}") };
         let said = "With RK4 the NIS is undefined in 103 of 144 steps and is left out of its mean.";
         assert!(note.starts_with(said) && note.contains("closer together"), "{note}");
+    }
+
+    #[test]
+    fn estimates_without_a_model_are_counted() {
+        let nis = r#""nis_mean": 1.0, "nees_mean": 1.0"#;
+        let mut estimated = of(ModelKind::RK4, [None; 3], &[(SqpStatus::Converged, 144)]);
+        let text = format!(
+            r#"{{ {nis}, "estimate_rmse": {{}}, "estimator_status": {{ "not-finite": 18 }},
+            "estimator_us": {{ "p50": 1.0, "p99": 1.0, "max": 1.0 }} }}"#
+        );
+        estimated.estimator = Some(serde_json::from_str(&text).unwrap());
+        let notes = metrics(vec![estimated]).loop_notes();
+        let [note] = &notes[..] else { panic!("{notes:?}") };
+        let said = "With RK4 the model was not finite at the estimate 18 times in 144 steps,";
+        assert!(note.starts_with(said) && note.contains("only a reset"), "{note}");
     }
 
     #[test]

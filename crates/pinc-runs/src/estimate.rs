@@ -22,7 +22,7 @@ use std::time::Instant;
 pub struct Estimated {
     /// The number of rows.
     pub rows: usize,
-    /// How many corrections did not end as they should.
+    /// How many corrections and predictions did not end as they should.
     pub failed: usize,
     /// The numbers of the estimator, without errors where the data lack a true state.
     pub estimator: EstimatorMetrics,
@@ -49,7 +49,7 @@ impl fmt::Display for Estimated {
         }
         write!(f, ", consistent would be {nis_expected:.3}; {:.2} us a step", estimator_us.p50)?;
         if *failed > 0 {
-            write!(f, "; {failed} corrections failed")?;
+            write!(f, "; {failed} corrections and predictions failed")?;
         }
         for (i, (name, rmse)) in estimator.estimate_rmse.iter().enumerate() {
             let before = if i == 0 { "; RMSE" } else { "," };
@@ -94,7 +94,9 @@ pub fn estimate(
         let table = feedback::table(&history, (names, measured), |k| t[k]);
         write_output(output, table.estimates_to_csv().as_bytes())?;
     }
-    let failed = history.corrections.iter().filter(|c| !c.status.has_succeeded()).count();
+    let ends =
+        history.corrections.iter().map(|c| c.status).chain(history.predictions.iter().copied());
+    let failed = ends.filter(|status| !status.has_succeeded()).count();
     let outside_domain = watch.map_or_else(Default::default, |(guard, _)| guard.found());
     Ok(Estimated { rows: t.len(), failed, estimator, outside_domain })
 }

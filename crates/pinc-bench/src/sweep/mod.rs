@@ -359,6 +359,13 @@ impl<'a> Session<'a> {
                 table.display()
             )));
         }
+        if let (Some(search), None) = (&self.sweep.search, &counts.best) {
+            return Err(RunError::Failed(format!(
+                "`sweep.search.minimize`: no trial has a value of {}; name another column of {}",
+                search.minimize,
+                self.run_dir.path(file::SWEEP).display()
+            )));
+        }
         Ok(self.run_dir.released())
     }
 }

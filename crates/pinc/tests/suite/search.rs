@@ -130,6 +130,13 @@ ranges = [{ key = "control.r.0", low = 0.1, high = 10.0 }]
     assert!(!text.contains("draw = ") && !text.contains("initial_state.0 ="), "{text}");
     assert!(read(&out, "summary.csv").contains("rk4_iae_dense_sum,4,0,0,4,4,"));
 
+    // Loops of two steps have no offset.
+    let none =
+        ["--set", "sweep.search.minimize=\"rk4_offset_max\"", "--set", "control.duration_s=20.0"];
+    let none = run(&config, &dir.path().join("none"), &none);
+    assert_eq!(none.code, Some(1), "{none:?}");
+    assert!(none.stderr.contains("no trial has a value of rk4_offset_max"), "{none:?}");
+
     let fails = ["--fresh", "--set", "control.sqp.max_iterations=1"];
     let failed = run(&config, &dir.path().join("failed"), &fails);
     assert_eq!(failed.code, Some(1), "{failed:?}");
