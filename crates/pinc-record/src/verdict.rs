@@ -441,10 +441,14 @@ mod tests {
 
     /// What metrics say of the estimator of a loop of 144 steps with three states.
     fn notes_of(estimator: &str) -> Vec<String> {
+        notes_with(estimator, r#""estimator_status": {}"#)
+    }
+
+    fn notes_with(estimator: &str, status: &str) -> Vec<String> {
         let mut estimated = of(ModelKind::RK4, [None; 3], &[(SqpStatus::Converged, 144)]);
         let text = format!(
             r#"{{ {estimator}, "estimate_rmse": {{ "a": 0.1, "b": 0.1, "c": 0.1 }},
-            "estimator_us": {{ "p50": 1.0, "p99": 1.0, "max": 1.0 }}, "estimator_status": {{}} }}"#
+            "estimator_us": {{ "p50": 1.0, "p99": 1.0, "max": 1.0 }}, {status} }}"#
         );
         estimated.estimator = Some(serde_json::from_str(&text).unwrap());
         metrics(vec![estimated]).loop_notes()
@@ -490,14 +494,8 @@ mod tests {
 
     #[test]
     fn estimates_without_a_model_are_counted() {
-        let nis = r#""nis_mean": 1.0, "nees_mean": 1.0"#;
-        let mut estimated = of(ModelKind::RK4, [None; 3], &[(SqpStatus::Converged, 144)]);
-        let text = format!(
-            r#"{{ {nis}, "estimate_rmse": {{}}, "estimator_status": {{ "not-finite": 18 }},
-            "estimator_us": {{ "p50": 1.0, "p99": 1.0, "max": 1.0 }} }}"#
-        );
-        estimated.estimator = Some(serde_json::from_str(&text).unwrap());
-        let notes = metrics(vec![estimated]).loop_notes();
+        let status = r#""estimator_status": { "not-finite": 18 }"#;
+        let notes = notes_with(r#""nis_mean": 1.0, "nees_mean": 1.0"#, status);
         let [note] = &notes[..] else { panic!("{notes:?}") };
         let said = "With RK4 the model was not finite at the estimate 18 times in 144 steps,";
         assert!(note.starts_with(said) && note.contains("only a reset"), "{note}");

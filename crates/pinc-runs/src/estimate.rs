@@ -34,8 +34,7 @@ impl Estimated {
     /// What there is to say of the model and of the estimator.
     #[must_use]
     pub fn notes(&self) -> Vec<String> {
-        let outside = self.outside_domain.note().into_iter();
-        outside.chain(self.estimator.notes(self.rows)).collect()
+        self.outside_domain.note().into_iter().chain(self.estimator.notes(self.rows)).collect()
     }
 }
 
@@ -83,8 +82,7 @@ pub fn estimate(
         let read = [("--data", data), ("the config", config.as_ref())].into_iter();
         check_output(("--output", output), read.chain(model.map(|model| ("--model", model))))?;
     }
-    let model = model.map(ModelFile::At);
-    let mut of = estimator(experiment, model, only)?;
+    let mut of = estimator(experiment, model.map(ModelFile::At), only)?;
     let mut constants = experiment.plant.parameter_names();
     constants.retain(|parameter| !of.names.contains(parameter) && !of.known.contains(parameter));
     let Run { t, history, step_us } = of.run((data, &read_file(data)?), &constants)?;
@@ -94,8 +92,7 @@ pub fn estimate(
         let table = feedback::table(&history, (names, measured), |k| t[k]);
         write_output(output, table.estimates_to_csv().as_bytes())?;
     }
-    let ends =
-        history.corrections.iter().map(|c| c.status).chain(history.predictions.iter().copied());
+    let ends = history.corrections.iter().map(|c| &c.status).chain(&history.predictions);
     let failed = ends.filter(|status| !status.has_succeeded()).count();
     let outside_domain = watch.map_or_else(Default::default, |(guard, _)| guard.found());
     Ok(Estimated { rows: t.len(), failed, estimator, outside_domain })

@@ -211,10 +211,7 @@ pub(super) fn metrics(
     let real = |count: usize| count as f64;
     let judged: Vec<_> = history.corrections.iter().filter(|c| !c.nis.is_nan()).collect();
     let nis_steps = judged.len();
-    let undefined = history
-        .corrections
-        .iter()
-        .filter(|c| c.measured > 0 && c.nis.is_nan() && c.status != EstimatorStatus::NotFinite);
+    let without = history.corrections.iter().filter(|c| c.measured > 0 && c.nis.is_nan());
     let errors = || history.nees.iter().filter(|nees| !nees.is_nan());
     let nees_steps = errors().count();
     let rmse = states.iter().cloned().zip(&history.squared_errors);
@@ -228,7 +225,7 @@ pub(super) fn metrics(
         nis_mean: judged.iter().map(|c| c.nis).sum::<f64>() / real(nis_steps),
         nis_expected: real(judged.iter().map(|c| c.measured).sum()) / real(nis_steps),
         nis_steps,
-        nis_undefined: undefined.count(),
+        nis_undefined: without.filter(|c| c.status != EstimatorStatus::NotFinite).count(),
         nees_mean: errors().sum::<f64>() / real(nees_steps),
         nees_steps,
         rejected: rejected(history, measured),

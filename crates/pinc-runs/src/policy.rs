@@ -37,14 +37,13 @@ struct Controller {
 impl Controller {
     fn of((spec, variables): (&ControlSpec, &Variables), step_s: f64, model: ModelKind) -> Self {
         let (states, inputs) = (variables.state_names(), variables.input_names());
-        let controlled = spec.controlled.clone();
-        let ControlSpec { n1, n2, q, r, q_terminal, weights_profile, .. } = spec;
-        let weights = (n1, n2, q, r, q_terminal, weights_profile, &spec.input_differences);
+        let weights = (spec.n1, spec.n2, &spec.q, &spec.r, &spec.q_terminal, &spec.weights_profile);
         let of_inputs =
             (&spec.input_low, &spec.input_high, &spec.increment_low, &spec.increment_high);
         let of_states = (&spec.state_low, &spec.state_high, &spec.state_softness);
         let of_outputs = (&spec.output_low, &spec.output_high, &spec.output_softness);
         let problem = json(&(weights, of_inputs, of_states, of_outputs, &spec.parameters));
+        let controlled = spec.controlled.clone();
         Self { states, inputs, controlled, step_s, nu: spec.nu, model, problem }
     }
 }

@@ -359,7 +359,8 @@ impl<'a> Session<'a> {
                 table.display()
             )));
         }
-        if let (Some(search), None) = (&self.sweep.search, &counts.best) {
+        let is_over = counts.done + counts.dropped == counts.trials;
+        if let (Some(search), None, true) = (&self.sweep.search, &counts.best, is_over) {
             return Err(RunError::Failed(format!(
                 "`sweep.search.minimize`: no trial has a value of {}; name another column of {}",
                 search.minimize,
