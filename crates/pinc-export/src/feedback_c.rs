@@ -1,13 +1,13 @@
 //! An estimator in C, around the controller that it tells the state.
 
 use crate::controller::Controller;
-use crate::selftest::{Precision, check_step, difference, in_float, set_allowed};
+use crate::selftest::{Precision, check_step, difference, in_float, is_unsolved, set_allowed};
 use crate::template::{Template, array, constant, places, table};
 use crate::{ExportError, GeneratedFile, golden};
 use pinc_estimate::{
     Augmentation, Augmented, Disturbance, Ekf, Estimator, Gate, Measured, Mhe, Tuning, Ukf,
 };
-use pinc_mpc::{Nmpc, ProblemUnits, SqpStatus};
+use pinc_mpc::{Nmpc, ProblemUnits};
 use pinc_ode::{Dims, Memory, Model};
 
 /// The estimator of a controller: which one, of what, and how it is tuned.
@@ -266,8 +266,8 @@ const MHE_STATUSES: &str = ",
 pub(crate) const INCLUDE_OUTPUTS: &str = "#include \"pinc_outputs.h\"\n";
 
 /// Golden vectors: controller and estimator of the library in closed loop with their own model,
-/// which is measured with errors up to the noise's standard deviation. How many
-/// steps, and how many end at the iteration limit.
+/// which is measured with errors up to the noise's standard deviation. Gives the number of steps, and how
+/// many of them are unsolved.
 pub(crate) fn set_steps(
     t: &mut Template,
     (controller, library): (&Controller<'_>, Nmpc),
@@ -305,7 +305,7 @@ struct Both<'a> {
     /// The inputs under way, the one that acts first in front.
     acting: Vec<f64>,
     has_begun: bool,
-    /// Steps that ended at the iteration limit.
+    /// See [`is_unsolved`].
     unsolved: usize,
 }
 
@@ -336,7 +336,7 @@ impl<'a> Both<'a> {
         self.augmentation.read(self.filter.estimate(), &mut x, &mut unknowns);
         self.nmpc.set_parameters(&unknowns)?;
         let step = self.nmpc.step(&x, window)?;
-        self.unsolved += usize::from(step.status == SqpStatus::IterationLimit);
+        self.unsolved += usize::from(is_unsolved(step.status));
         let u = step.u.to_vec();
         let last = self.acting.len() - nu;
         self.acting[last..].copy_from_slice(&u);

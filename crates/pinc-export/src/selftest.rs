@@ -5,7 +5,7 @@ use crate::controller::Controller;
 use crate::feedback_c::Filter;
 use crate::template::{Template, constant};
 use pinc_estimate::Compensated;
-use pinc_mpc::{Nmpc, SqpConfig, SqpHessian};
+use pinc_mpc::{Nmpc, SqpConfig, SqpHessian, SqpStatus};
 use std::fmt::Write as _;
 
 /// The smallest residual that single precision can be asked for.
@@ -67,6 +67,11 @@ pub(crate) fn difference<'a>(
     let off = |(a, b): (&f64, &f64)| (a - b).abs() / (1.0 + b.abs());
     let all = found.into_iter().zip(expected).map(off);
     all.fold(0.0, |most, off| if off <= most { most } else { off })
+}
+
+/// Whether a step of the Gauss-Newton Hessian alone may have found no plan that the exact one finds.
+pub(crate) fn is_unsolved(status: SqpStatus) -> bool {
+    matches!(status, SqpStatus::IterationLimit | SqpStatus::Stalled)
 }
 
 /// Refuses a loop whose step `k` leads from the state `x` and the input `u` to values that are not

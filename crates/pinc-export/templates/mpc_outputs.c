@@ -29,9 +29,8 @@ static void pinc_seen_outputs(const pinc_mpc *m, const PINC_REAL *x, const PINC_
 }
 
 #if PINC_OUTPUT_STARTS
-/* Where an output at the measured state does not change with the input after all, no input can bring
-   it into its bounds: hard ones admit its value. What soft ones cost stays, since the derivative may
-   vanish at one input only. */
+/* Where an output at the measured state does not change with the input after all, hard bounds admit its
+   value. What soft ones cost stays: the derivative may vanish at one input only. */
 static void pinc_admit_given(const pinc_mpc *m, pinc_qp *qp)
 {
     int i;
@@ -48,7 +47,6 @@ static void pinc_admit_given(const pinc_mpc *m, pinc_qp *qp)
         }
     }
 }
-
 #endif
 
 #if PINC_OUTPUT_ROWS > 0

@@ -658,6 +658,23 @@ static void pinc_step_on_the_way(pinc_mpc *m)
     m->standing = PINC_UNDERWAY;
 }
 
+/* Makes hard constraints soft, with the limits that the program at the plan has then; 0 if the budget is
+   spent. */
+static int pinc_soften(pinc_mpc *m, const PINC_REAL *reference, PINC_REAL *cost)
+{
+    pinc_enter_elastic(m);
+#if PINC_OUTPUT_STARTS
+    if (pinc_evaluate(m, m->plan.z, reference, &m->qp[1 - m->at], cost) == 0) {
+        return 0;
+    }
+    m->at = 1 - m->at;
+#else
+    (void)reference;
+    (void)cost;
+#endif
+    return 1;
+}
+
 /* Improves the plan, at which the problem is linearized; gives how that ended. */
 static pinc_status pinc_iterate(pinc_mpc *m, const PINC_REAL *reference, PINC_REAL cost)
 {
@@ -689,7 +706,9 @@ static pinc_status pinc_iterate(pinc_mpc *m, const PINC_REAL *reference, PINC_RE
             if (m->elastic != 0) {
                 return PINC_INFEASIBLE_QP;
             }
-            pinc_enter_elastic(m);
+            if (pinc_soften(m, reference, &cost) == 0) {
+                return PINC_DEADLINE;
+            }
             continue;
         }
         if (solved != PINC_QP_SOLVED) {
@@ -705,7 +724,9 @@ static pinc_status pinc_iterate(pinc_mpc *m, const PINC_REAL *reference, PINC_RE
         } else if (m->elastic != 0) {
             return PINC_STALLED;
         } else {
-            pinc_enter_elastic(m);
+            if (pinc_soften(m, reference, &cost) == 0) {
+                return PINC_DEADLINE;
+            }
             kkt = pinc_residual(m, &m->qp[m->at], &m->plan.m);
         }
         least = pinc_min(least, kkt);

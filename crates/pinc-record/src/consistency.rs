@@ -51,8 +51,9 @@ pub(crate) fn findings(estimator: &EstimatorMetrics, steps: usize) -> Vec<Findin
                 "the model was not finite at the estimate {kept} times in {steps} steps, and the last \
                  estimate was kept."
             ),
-            "It has left where the model is defined, mostly after wild measurements, and only a \
-             reset brings it back: set low and high in [control.estimator], or narrow its gate.",
+            "The estimate has left the states at which the model is defined, mostly after wild \
+             measurements, and only a reset brings it back: set low and high in \
+             [control.estimator], or narrow its gate.",
         ));
     }
     let undefined = estimator.nis_undefined;

@@ -45,6 +45,10 @@ fn controller_of(equations: &PlantEquations, problem: NmpcProblem) -> Nmpc {
 
 /// A pendulum, its height and the force at its joint, which depends on the torque.
 fn pendulum() -> PlantEquations {
+    pendulum_of("sin(a) + 0.1*min(a, a^3)")
+}
+
+fn pendulum_of(height: &str) -> PlantEquations {
     let texts = |pairs: [(&str, &str); 2]| pairs.map(|(of, text)| (of.to_owned(), text.to_owned()));
     let output = |expression: &str| OutputExpression {
         expression: expression.to_owned(),
@@ -57,7 +61,7 @@ fn pendulum() -> PlantEquations {
             .into(),
         outputs: [
             ("force".to_owned(), output("sqrt(1 + w^2) + 0.5*u")),
-            ("height".to_owned(), output("sin(a) + 0.1*min(a, a^3)")),
+            ("height".to_owned(), output(height)),
         ]
         .into(),
         ..Equations::default()
@@ -421,20 +425,30 @@ fn decides_as_the_library(equations: &PlantEquations, problem: &NmpcProblem, dir
     expected.iter().map(|(taken, _)| taken.to_string()).collect()
 }
 
-/// Another equation with the same names, or the same one with other substeps, makes other plans.
+/// Another equation or output with the same names, or the same one with other substeps, makes other plans.
 #[test]
 fn a_net_of_plans_with_another_model_is_refused() {
     let config = ShrinkConfig { iterations: 1, samples: 60, loops: 1, ..small() };
-    let net = shrunk_of(&VanDerPol::default().equations(), &problem(), &config, 1);
-    let checked = |equations: &PlantEquations, substeps| {
-        let model = equations.to_dyn().unwrap().model(Integrator::Rk4, 0.5, substeps).unwrap();
-        let mut nmpc = Nmpc::new(problem(), model, SqpConfig::default()).unwrap();
-        let policy = Policy::new(net.policy.net().clone(), &nmpc).unwrap();
-        Checked::new(policy, &mut nmpc)
-    };
-    checked(&VanDerPol::default().equations(), 4).unwrap();
-    for (equations, substeps) in [(VanDerPol::default().equations(), 2), (pendulum(), 4)] {
-        let refused = checked(&equations, substeps).unwrap_err();
-        assert!(matches!(refused, ShrinkError::Model), "{refused}");
+    let own = [
+        (
+            VanDerPol::default().equations(),
+            problem(),
+            [(VanDerPol::default().equations(), 2), (pendulum(), 4)],
+        ),
+        (pendulum(), pendulum_problem(), [(pendulum(), 2), (pendulum_of("0.9*sin(a)"), 4)]),
+    ];
+    for (equations, problem, others) in own {
+        let net = shrunk_of(&equations, &problem, &config, 1);
+        let checked = |equations: &PlantEquations, substeps| {
+            let model = equations.to_dyn().unwrap().model(Integrator::Rk4, 0.5, substeps).unwrap();
+            let mut nmpc = Nmpc::new(problem.clone(), model, SqpConfig::default()).unwrap();
+            let policy = Policy::new(net.policy.net().clone(), &nmpc).unwrap();
+            Checked::new(policy, &mut nmpc)
+        };
+        checked(&equations, 4).unwrap();
+        for (equations, substeps) in others {
+            let refused = checked(&equations, substeps).unwrap_err();
+            assert!(matches!(refused, ShrinkError::Model), "{refused}");
+        }
     }
 }

@@ -413,6 +413,7 @@ impl Sqp {
                         break SqpStatus::InfeasibleQp;
                     }
                     self.enter_elastic();
+                    self.transcription.renew_output_limits(&mut self.qp);
                     self.hessian.restart(iterations);
                     continue;
                 }
@@ -430,21 +431,23 @@ impl Sqp {
                     plan_state = PlanState::Stepped;
                     break SqpStatus::Deadline;
                 }
-                // The merit function has had other bounds at each trial.
-                Search::NoDescent if self.transcription.keep_bounds() => {
-                    let Some(again) = self.try_point(model, input, plan, expired) else {
-                        break SqpStatus::Deadline;
-                    };
-                    std::mem::swap(&mut self.qp, &mut self.trial);
-                    (point, least) = (again, f64::INFINITY);
-                    self.hessian.restart(iterations);
-                }
-                Search::NoDescent if self.hessian.give_up(iterations) => continue,
-                Search::NoDescent if self.elastic => break SqpStatus::Stalled,
                 Search::NoDescent => {
-                    self.enter_elastic();
+                    // The merit function has had other bounds at each trial.
+                    if self.transcription.keep_bounds() {
+                        least = f64::INFINITY;
+                    } else if self.hessian.give_up(iterations) {
+                        continue;
+                    } else if self.elastic {
+                        break SqpStatus::Stalled;
+                    } else {
+                        self.enter_elastic();
+                    }
+                    match self.try_point(model, input, plan, expired) {
+                        Some(again) => point = again,
+                        None => break SqpStatus::Deadline,
+                    }
+                    std::mem::swap(&mut self.qp, &mut self.trial);
                     self.hessian.restart(iterations);
-                    point.kkt = self.residual(plan);
                 }
             }
             least = least.min(point.kkt.max());

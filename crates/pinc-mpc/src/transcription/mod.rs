@@ -575,9 +575,8 @@ fn rows_at_measured(dims: OcpDims) -> impl Iterator<Item = usize> {
     stages.flat_map(move |stage| dims.rows_at_start(stage + 1).rows)
 }
 
-/// Where an output at the measured state does not change with the input after all, no input can
-/// bring it into its bounds: hard ones admit its value. What soft ones cost stays, since the derivative
-/// may vanish at one input only.
+/// Where an output at the measured state does not change with the input after all, hard bounds admit its
+/// value. What soft ones cost stays: the derivative may vanish at one input only.
 pub(crate) fn admit_given(qp: &mut Qp) {
     let m = qp.dims.nu;
     for row in rows_at_measured(qp.dims) {

@@ -8,7 +8,7 @@
 //! gradient = g + sum_i (J(y_i) + M_i)'q_i
 //! ```
 //!
-//! where g is one by the state alone.
+//! where g has no entries for inputs and parameters.
 
 use super::SparsityPattern;
 use super::gradient::Gradient;

@@ -42,7 +42,8 @@ const RANGE: f64 = 8.0;
 /// (and small ones a little positive), and `T_j` gets the difference. The Hessians of the states
 /// may stay indefinite: where G is positive definite at all stages, the program is left as it is
 /// and has one solution. Where `T_j` would change by far more than the Hessian's largest entry, delta is added
-/// to the diagonal of each T and delta D to that of each Q instead ([`Qp::shift_weights`]), with the least delta of a sequence with which G is
+/// to the diagonal of each T and delta D to that of each Q instead ([`Qp::shift_weights`]), with the least
+/// delta of a sequence with which G is
 /// positive definite at all stages, as interior-point methods correct the inertia (Waechter and
 /// Biegler, Math. Program. 106 (2006), section 3.1); or so it is at once, by choice ([`Convexity`]).
 ///

@@ -60,11 +60,14 @@ fn first_cost(text: &str) -> f64 {
     cost
 }
 
+fn controller_of(text: &str, sets: &[String]) -> LiveController {
+    let parsed = Experiment::parse("text.toml".as_ref(), text, sets, &Plants::built_in());
+    LiveController::new(&parsed.unwrap(), None, None, "the test").unwrap()
+}
+
 /// How a config's first plan ends, and its cost.
 fn first_plan(text: &str) -> (SqpStatus, f64) {
-    let experiment =
-        Experiment::parse("text.toml".as_ref(), text, &[], &Plants::built_in()).unwrap();
-    let mut controller = LiveController::new(&experiment, None, None, "the test").unwrap();
+    let mut controller = controller_of(text, &[]);
     let start = controller.spec().initial_state.clone();
     let step = controller.step(&start, Follow::Config, None).unwrap();
     (step.status, step.cost.expect("a config with a cost"))
@@ -217,11 +220,9 @@ initial_input = { u0 = 0.0, stretch = 1.0 }
 
 /// How the first step of a controller from x ends, and its input.
 #[track_caller]
-fn square_step(text: &str, x: &[f64], method: &str) -> (SqpStatus, Vec<f64>) {
-    let sets = [format!("control.sqp.qp={method:?}")];
+fn first_input(text: &str, x: &[f64], method: &str) -> (SqpStatus, Vec<f64>) {
     let text = format!("preset = \"ours\"\nseed = 1\n{text}");
-    let parsed = Experiment::parse("text.toml".as_ref(), &text, &sets, &Plants::built_in());
-    let mut controller = LiveController::new(&parsed.unwrap(), None, None, "the test").unwrap();
+    let mut controller = controller_of(&text, &[format!("control.sqp.qp={method:?}")]);
     let step = controller.step(x, Follow::Config, None).unwrap();
     (step.status, step.u.to_vec())
 }
@@ -306,7 +307,7 @@ fn inputs_whose_gradient_vanishes_at_their_bound() {
     cases.extend((0..12).map(|k| (heater, vec![0.45 + 0.08 * f64::from(k)], vec![0.0])));
     for (text, x, expected) in cases {
         for method in ["auto", "riccati"] {
-            let (status, u) = square_step(text, &x, method);
+            let (status, u) = first_input(text, &x, method);
             assert_eq!(status, SqpStatus::Converged, "{method} at {x:?}");
             for (found, expected) in u.iter().zip(&expected) {
                 assert!((found - expected).abs() < 1e-6, "{method} at {x:?}: {u:?}");
@@ -315,7 +316,15 @@ fn inputs_whose_gradient_vanishes_at_their_bound() {
     }
     // Hard bounds that cannot be met are violated as little as possible.
     let hard = heater.replace("state_softness = \"exact\"\n", "");
-    let (status, u) = square_step(&hard, &[0.9], "auto");
+    let (status, u) = first_input(&hard, &[0.9], "auto");
     assert_eq!(status, SqpStatus::InfeasibleQp);
     assert!(u[0] < 1e-6, "{u:?}");
+    let at = [0.825_796_486_361_381_5, 1.194_361_675_567_756_6];
+    for (softness, expected) in [("hard", SqpStatus::InfeasibleQp), ("exact", SqpStatus::Converged)]
+    {
+        let other = losses.replace("{ penalty = [5.0] }", &format!("{softness:?}"));
+        let (status, u) = first_input(&other, &at, "auto");
+        assert_eq!(status, expected, "{softness}");
+        assert!(u[0].abs() < 1e-6 && (u[1] + 2.0).abs() < 1e-6, "{softness}: {u:?}");
+    }
 }
