@@ -11,7 +11,7 @@ use std::path::{Path, PathBuf};
 use toml::{Table, Value};
 
 /// Our crates with the ones of ours that each depends on, from the bottom up.
-const CRATES: [(&str, &[&str]); 30] = [
+const CRATES: [(&str, &[&str]); 31] = [
     ("pinc-ad", &[]),
     ("pinc-qp", &["pinc-ad"]),
     ("pinc-chart", &[]),
@@ -28,6 +28,7 @@ const CRATES: [(&str, &[&str]); 30] = [
     ("pinc-estimate", &["pinc-loop", "pinc-mpc", "pinc-ode", "pinc-qp"]),
     ("pinc-identify", &["pinc-estimate", "pinc-ode"]),
     ("pinc-integer", &["pinc-mpc"]),
+    ("pinc-economic", &["pinc-mpc", "pinc-ode"]),
     ("pinc-verify", &["pinc-ad", "pinc-expr", "pinc-net", "pinc-ode"]),
     (
         "pinc-export",
@@ -98,6 +99,7 @@ const CRATES: [(&str, &[&str]); 30] = [
             "pinc-batch",
             "pinc-check",
             "pinc-config",
+            "pinc-economic",
             "pinc-estimate",
             "pinc-export",
             "pinc-expr",

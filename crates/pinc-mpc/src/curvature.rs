@@ -8,12 +8,16 @@ use crate::solution::Solution;
 use crate::stage_cost::{QuadBlock, StagePoint};
 use crate::transcription::Transcription;
 use crate::units::Units;
-use pinc_ode::{Gradients, LinearizationBuffer, OutputLinearization, Stages};
+use pinc_ode::{Gradients, LinearizationBuffer, Memory, OutputLinearization, Recent, Stages};
 use pinc_qp::{Convexifier, Convexity, OcpDims, Qp, all_finite, symmetrize};
 
 /// A difference quotient is taken over this part of a variable's size: the cube root of the
 /// precision.
 const STEP: f64 = 6e-6;
+
+/// Second derivatives count again where nothing that they depend on has moved by more than this part of
+/// its size. The programs are then as many as with those of their own place; with 1e-3 they are 2 % more.
+const NEAR: f64 = 1e-4;
 
 /// A variable whose size only the plan shows is at least this large.
 pub const LEAST_SIZE: f64 = 1e-9;
@@ -28,7 +32,9 @@ pub const LEAST_SIZE: f64 = 1e-9;
 /// ```
 ///
 /// by differences of its gradient, which is exact. At a kink, where the difference quotients of the
-/// two sides disagree, the smaller one counts.
+/// two sides disagree, the smaller one counts. Those of cost and model count again where a stage is near
+/// the place at which they were computed: most of a plan hardly moves from one program, or from one
+/// control step, to the next.
 #[derive(Debug)]
 pub(crate) struct Curvature {
     dims: OcpDims,
@@ -59,6 +65,7 @@ pub(crate) struct Curvature {
     block: QuadBlock,
     /// `[n + m, n + m]`
     hessian: Vec<f64>,
+    recent: Recent,
     convexifier: Convexifier,
     /// At how many points the model has been linearized.
     pub(crate) evaluated: usize,
@@ -79,8 +86,9 @@ pub(crate) enum Purpose {
     Step { settled: bool, convexity: Convexity },
     /// A step of the barrier method, which makes the program convex itself.
     Barrier,
-    /// To see whether the plan is a minimum.
-    Judgement,
+    /// To see whether the plan is a minimum, by second derivatives that are computed `anew` or by recent
+    /// ones.
+    Judgement { anew: bool },
 }
 
 /// The state and the input of some terms.
@@ -121,6 +129,7 @@ impl Curvature {
             general: [1, dims.nx, dims.nu].map(|width| vec![0.0; rows * width]),
             block: QuadBlock::new(dims.nx, dims.nu),
             hessian: vec![0.0; s * s],
+            recent: Recent::new(dims.horizon, s + dims.nx + model.np + 1, s * s),
             convexifier: Convexifier::new(dims),
             evaluated: 0,
         }
@@ -154,16 +163,14 @@ impl Curvature {
             }
             let (node, input) = (dims.origin(stage), dims.input_of(stage));
             let here = Place { node, input, stage, before: false };
-            self.spread(of, at, here);
-            self.weigh_model(of, at, stage);
-            if !self.add_cost(of, here) {
-                self.add_model(horizon, stage);
-            }
+            self.find_hessian(horizon, of, at, here, purpose);
+            self.add_hessian(here, &of.units, qp);
             if dims.feedthrough > 0 && self.weigh_rows(of, at, stage + 1, true) {
+                self.spread(of, at, here);
                 self.linearize_outputs(horizon, stage);
                 self.add_outputs();
+                self.add_block(here, &of.units, qp);
             }
-            self.add_block(here, &of.units, qp);
 
             let next = stage + 1;
             let end = Place { node: next, input: dims.acting(next), ..here };
@@ -182,8 +189,69 @@ impl Curvature {
                 self.convexifier.apply(qp, settled.then_some(multipliers), convexity)
             }
             Purpose::Barrier => false,
-            Purpose::Judgement => self.convexifier.finds_descent(qp, multipliers),
+            Purpose::Judgement { .. } => self.convexifier.finds_descent(qp, multipliers),
         })
+    }
+
+    /// Finds the Hessian of the cost and the model of a stage.
+    fn find_hessian(
+        &mut self,
+        horizon: &mut Horizon,
+        of: &mut Transcription,
+        at: At<'_>,
+        here: Place,
+        purpose: Purpose,
+    ) {
+        let stage = here.stage;
+        self.set_place(horizon, of, at, here);
+        if !matches!(purpose, Purpose::Judgement { anew: true }) {
+            let after = self.dims.stages_from(stage + 1).next();
+            let after = after.filter(|&after| horizon.has_one_model_for([stage, after]));
+            if let Some(hessian) = self.recent.find(stage, after) {
+                self.hessian.copy_from_slice(hessian);
+                return;
+            }
+        }
+        self.spread(of, at, here);
+        self.weigh_model(of, at, stage);
+        let integrates = self.add_cost(of, here);
+        if !integrates {
+            self.add_model(horizon, stage);
+        }
+        self.combine();
+        self.recent.keep(stage, &self.hessian, integrates || !of.leaves_out_hessian());
+    }
+
+    /// Writes what the Hessian of a stage depends on: (x, u), the multipliers of its dynamics, p, and
+    /// the time where a cost knows it.
+    fn set_place(&mut self, horizon: &Horizon, of: &Transcription, at: At<'_>, here: Place) {
+        let (dims, z) = (self.dims, &at.plan.z);
+        let (x, u) = (dims.state(here.node).map_or(at.x0, |x| &z[x]), &z[dims.input(here.input)]);
+        let (n, sizes) = (dims.nx, &self.sizes);
+        let lambda = &at.plan.multipliers.dynamics[dims.next_state(here.stage)];
+        let lambda = || (0..n).map(|i| of.units.plain_multiplier(i, lambda[i]));
+        let largest =
+            lambda().zip(sizes).fold(0.0_f64, |most, (l, size)| most.max((l * size).abs()));
+        let times = horizon.times();
+        let depth = self.nodes.depths[here.node];
+        let terms = of.terms.as_ref().filter(|terms| terms.leaves_out_hessian());
+        let time = terms.map_or(0.0, |terms| terms.time_s(depth));
+        let p = of.parameters(here.stage, false).iter().map(|p| (*p, p.abs()));
+        let point = x.iter().chain(u).copied().zip(sizes.iter().copied());
+        let lambda = lambda().zip(sizes).map(|(l, size)| (l, largest / size));
+        let time = (time, times[depth + 1] - times[depth]);
+        let all = point.chain(lambda).chain(p).chain([time]);
+        self.recent.set_place(all.map(|(number, size)| (number, NEAR * size)));
+    }
+
+    /// Forgets where Hessians were computed.
+    pub(crate) fn forget(&mut self) {
+        self.recent.forget();
+    }
+
+    /// Saves or restores where Hessians were computed.
+    pub(crate) fn remember(&mut self, memory: &mut Memory<'_>) {
+        self.recent.remember(memory);
     }
 
     /// Adds what tracked and bounded outputs, h and g contribute at a node.
@@ -369,10 +437,15 @@ impl Curvature {
         symmetrize(&mut self.hessian, s, s);
     }
 
-    /// Adds the second derivatives at a place to the program, in the units of the optimization; the
-    /// measured state does not move.
+    /// Adds the second derivatives by the gradients to the program.
     fn add_block(&mut self, place: Place, units: &Units, qp: &mut Qp) {
         self.combine();
+        self.add_hessian(place, units, qp);
+    }
+
+    /// Adds the second derivatives at a place to the program, in the units of the optimization; the
+    /// measured state does not move.
+    fn add_hessian(&self, place: Place, units: &Units, qp: &mut Qp) {
         if !all_finite(&self.hessian) {
             return;
         }

@@ -82,6 +82,11 @@ impl Horizon {
         self.blocks.len() == 1
     }
 
+    /// Whether two stages are of one model.
+    pub(crate) fn has_one_model_for(&self, stages: [usize; 2]) -> bool {
+        self.blocks.iter().any(|block| stages.iter().all(|stage| block.stages.contains(stage)))
+    }
+
     /// Whether all stages are of the same length.
     pub(crate) fn is_uniform(&self) -> bool {
         self.uniform

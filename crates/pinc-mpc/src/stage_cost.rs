@@ -18,6 +18,14 @@ pub struct StagePoint<'a> {
     pub p: &'a [f64],
 }
 
+impl<'a> StagePoint<'a> {
+    /// A state, an input and the parameters at a stage and its time in s.
+    #[must_use]
+    pub fn new((stage, time_s): (usize, f64), x: &'a [f64], u: &'a [f64], p: &'a [f64]) -> Self {
+        Self { stage, time_s, x, u, p }
+    }
+}
+
 /// A quadratic model of a cost l(x, u) about a point:
 ///
 /// ```text
@@ -118,26 +126,26 @@ pub trait StageCost: Debug + Send {
         [by_x, by_u]: [&mut [f64]; 2],
     ) -> bool {
         let _ = lambda;
-        one_by_one(self, at, part, block, [by_x, by_u]);
+        self.gradients_one_by_one(at, part, block, [by_x, by_u]);
         false
     }
-}
 
-/// Writes the gradients of `part` times a cost at one point after the other.
-pub(crate) fn one_by_one(
-    cost: &mut (impl StageCost + ?Sized),
-    at: StagePoint<'_>,
-    part: f64,
-    block: &mut QuadBlock,
-    [by_x, by_u]: [&mut [f64]; 2],
-) {
-    let (n, m) = (block.by_x.len(), block.by_u.len());
-    let points = at.x.chunks_exact(n).zip(at.u.chunks_exact(m));
-    let gradients = by_x.chunks_exact_mut(n).zip(by_u.chunks_exact_mut(m));
-    for ((x, u), (by_x, by_u)) in points.zip(gradients) {
-        block.clear();
-        cost.quadratize(StagePoint { x, u, ..at }, block);
-        by_x.iter_mut().zip(&block.by_x).for_each(|(to, slope)| *to = part * slope);
-        by_u.iter_mut().zip(&block.by_u).for_each(|(to, slope)| *to = part * slope);
+    /// The same, by [`StageCost::quadratize`] at one point after the other.
+    fn gradients_one_by_one(
+        &mut self,
+        at: StagePoint<'_>,
+        part: f64,
+        block: &mut QuadBlock,
+        [by_x, by_u]: [&mut [f64]; 2],
+    ) {
+        let (n, m) = (block.by_x.len(), block.by_u.len());
+        let points = at.x.chunks_exact(n).zip(at.u.chunks_exact(m));
+        let gradients = by_x.chunks_exact_mut(n).zip(by_u.chunks_exact_mut(m));
+        for ((x, u), (by_x, by_u)) in points.zip(gradients) {
+            block.clear();
+            self.quadratize(StagePoint { x, u, ..at }, block);
+            by_x.iter_mut().zip(&block.by_x).for_each(|(to, slope)| *to = part * slope);
+            by_u.iter_mut().zip(&block.by_u).for_each(|(to, slope)| *to = part * slope);
+        }
     }
 }

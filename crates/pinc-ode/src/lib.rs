@@ -32,7 +32,7 @@ mod output;
 mod piecewise_constant;
 mod plant;
 mod points;
-mod quadrature;
+mod recent;
 mod runge_kutta;
 mod seulex;
 mod simulator;
@@ -60,7 +60,7 @@ pub use model::{
 };
 pub use piecewise_constant::PiecewiseConstant;
 pub use plant::{Over, Plant};
-pub use quadrature::Quadrature;
+pub use recent::Recent;
 pub use runge_kutta::{Classical, DormandPrince, Method, Rk4, Rk5, RungeKutta};
 pub use simulator::Simulator;
 pub use sparse::{

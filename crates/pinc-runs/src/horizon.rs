@@ -6,11 +6,12 @@ use crate::RunError;
 use pinc_config::{
     HorizonPlants, ModelKind, NetErrorSpec, OnError, TubeParts, UncertaintySpec, Variables,
 };
+use pinc_economic::{IntegratedCost, Quadrature};
 use pinc_estimate::{Augmentation, Compensated, SteadyTarget};
 use pinc_integer::BranchAndBound;
-use pinc_mpc::{IntegratedCost, Nmpc, NmpcBuilder, NmpcProblem};
+use pinc_mpc::{Nmpc, NmpcBuilder, NmpcProblem};
 use pinc_net::PincModel;
-use pinc_ode::{DynPlant, FlowModel, Integrator, Model, Quadrature, WithOutputs};
+use pinc_ode::{DynPlant, FlowModel, Integrator, Model, WithOutputs};
 use pinc_tube::{EllipsoidTube, StageError, TubeModel};
 
 impl LoopSetup<'_> {
@@ -215,10 +216,8 @@ impl LoopSetup<'_> {
             return Ok(costed.model(integrator, length_s, substeps)?);
         }
         let rate = costed.model(Integrator::Rk4, length_s, 1)?;
-        let [first, middle, last] = Quadrature::nodes().map(|part| part * length_s);
-        let model = |length_s| self.model_for(kind, plant, length_s);
-        let nodes = [model(first)?, model(middle)?, model(last)?];
-        Ok(Box::new(Quadrature::new(model(length_s)?, nodes, rate)))
+        let after = |time_s| self.model_for(kind, plant, time_s);
+        Ok(Box::new(Quadrature::new(length_s, after, rate)?))
     }
 }
 

@@ -452,19 +452,16 @@ impl Sqp {
             }
             least = least.min(point.kkt.max());
         };
-        let curvature_dropped = status == SqpStatus::Converged && always && {
+        let mut has_descent = |anew: bool| {
             self.transcription.measure(input.x0, &plan.z, input.targets, &mut self.qp);
-            self.curve(model, input, plan, Purpose::Judgement, expired).unwrap_or(true)
+            self.curve(model, input, plan, Purpose::Judgement { anew }, expired).unwrap_or(true)
         };
-        let outcome = Outcome {
-            status,
-            iterations,
-            last: point.kkt,
-            violated: None,
-            plan_state,
-            curvature_dropped,
-            cost: self.transcription.units.plain_cost(point.cost),
-        };
+        let is_judged = status == SqpStatus::Converged && always;
+        let curvature_dropped = is_judged && [false, true].into_iter().all(&mut has_descent);
+        let (last, cost) = (point.kkt, self.transcription.units.plain_cost(point.cost));
+        let violated = None;
+        let outcome =
+            Outcome { status, iterations, last, violated, plan_state, curvature_dropped, cost };
         self.finalize(outcome, plan, conflict)
     }
 

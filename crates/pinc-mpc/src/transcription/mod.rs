@@ -398,6 +398,7 @@ impl Transcription {
     /// Forgets where the model was linearized, and the units chosen there; whether these change.
     pub(crate) fn forget(&mut self) -> bool {
         self.cache.forget();
+        self.curvature.iter_mut().for_each(|of| of.forget());
         self.units.forget_slope();
         let changed = self.units.forget();
         if changed {
@@ -406,9 +407,10 @@ impl Transcription {
         changed
     }
 
-    /// Saves or restores the units, and what a tube follows: where the models were linearized last.
+    /// Saves or restores the units, second derivatives, and what a tube follows: where the models were linearized last.
     pub(crate) fn remember(&mut self, memory: &mut Memory<'_>, horizon: &mut Horizon) {
         self.units.remember(memory);
+        self.curvature.iter_mut().for_each(|of| of.remember(memory));
         if memory.restores() {
             self.units.choose_cost(&self.plain.q, &self.plain.r);
         }

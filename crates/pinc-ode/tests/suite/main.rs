@@ -9,7 +9,7 @@ mod integrators;
 mod loaded;
 mod metrics;
 mod piecewise_constant;
-mod quadrature;
+mod recent;
 mod rosenbrock;
 mod runge_kutta;
 mod tangent;

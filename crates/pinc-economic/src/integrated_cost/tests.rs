@@ -46,7 +46,7 @@ fn cost() -> IntegratedCost {
 
 /// The gradients of part J + lambda F at two points of a stage, and whether lambda F is in them.
 fn gradients(stage: usize) -> (bool, [[f64; 2]; 2]) {
-    let at = StagePoint { stage, time_s: TIME_S, x: &[0.5, -0.8], u: &[0.3, 0.1], p: &[] };
+    let at = StagePoint::new((stage, TIME_S), &[0.5, -0.8], &[0.3, 0.1], &[]);
     let (mut by_x, mut by_u) = ([f64::NAN; 2], [f64::NAN; 2]);
     let mut block = QuadBlock::new(1, 1);
     let added = cost().gradients(at, (PART, &[LAMBDA]), &mut block, [&mut by_x[..], &mut by_u[..]]);

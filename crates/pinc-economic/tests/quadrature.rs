@@ -1,8 +1,8 @@
 //! A cost integrated along a model that only says where it is at given times.
 
-use pinc_ode::{
-    Dims, Linearization, LinearizationBuffer, Model, OutputLinearization, Quadrature, Stages,
-};
+use pinc_economic::Quadrature;
+use pinc_ode::{Dims, Linearization, LinearizationBuffer, Model, OutputLinearization, Stages};
+use std::convert::Infallible;
 
 /// x + p u s after s seconds.
 #[derive(Debug)]
@@ -70,8 +70,8 @@ impl Model for Rate {
 }
 
 fn extended(length: f64) -> Quadrature {
-    let line = |part: f64| -> Box<dyn Model> { Box::new(Line(part * length)) };
-    Quadrature::new(line(1.0), Quadrature::nodes().map(line), Box::new(Rate))
+    let line = |after_s| -> Result<Box<dyn Model>, Infallible> { Ok(Box::new(Line(after_s))) };
+    Quadrature::new(length, line, Box::new(Rate)).unwrap()
 }
 
 /// The integral of l from the time t on, by its antiderivative in s: with x + v s for x, l is a

@@ -1,6 +1,6 @@
 //! A cost integrated along a model that does not integrate.
 
-use crate::{
+use pinc_ode::{
     Dims, Linearization, LinearizationBuffer, Model, OutputLinearization,
     OutputLinearizationBuffer, Stages,
 };
@@ -34,37 +34,44 @@ pub struct Quadrature {
 #[derive(Debug)]
 struct Node {
     model: Box<dyn Model>,
+    /// Its time and its weight in parts of T.
+    part: f64,
     weight: f64,
 }
 
 impl Quadrature {
-    /// The times of the nodes in parts of T.
-    #[must_use]
-    pub fn nodes() -> [f64; 3] {
+    /// The extension of the model of a step of `length_s` seconds by the cost that is the last output
+    /// but one of `rate`, a model of (x, t, J). `after` gives the model of the states after so many
+    /// seconds.
+    ///
+    /// # Errors
+    ///
+    /// That of `after`.
+    pub fn new<E>(
+        length_s: f64,
+        after: impl Fn(f64) -> Result<Box<dyn Model>, E>,
+        rate: Box<dyn Model>,
+    ) -> Result<Self, E> {
+        let node = |part: f64, weight: f64| -> Result<Node, E> {
+            Ok(Node { model: after(part * length_s)?, part, weight: weight / 18.0 })
+        };
         let offset = 0.15_f64.sqrt();
-        [0.5 - offset, 0.5, 0.5 + offset]
-    }
-
-    /// The extension of `end`, the model of a whole step, by the cost that is the last output but
-    /// one of `rate`, a model of (x, t, J). `nodes` are models of the states at the times of
-    /// [`Quadrature::nodes`].
-    #[must_use]
-    pub fn new(end: Box<dyn Model>, nodes: [Box<dyn Model>; 3], rate: Box<dyn Model>) -> Self {
+        let nodes = [node(0.5 - offset, 5.0)?, node(0.5, 8.0)?, node(0.5 + offset, 5.0)?];
+        let end = after(length_s)?;
         let (inner, outer) = (end.dims(), rate.dims());
-        let mut weights = [5.0, 8.0, 5.0].into_iter().map(|part| part / 18.0);
-        Self {
-            nodes: nodes.map(|model| Node { model, weight: weights.next().unwrap_or_default() }),
+        Ok(Self {
+            nodes,
             at: vec![0.0; outer.nx],
             found: LinearizationBuffer::new(inner, 1),
             outputs: OutputLinearizationBuffer::new(outer, 1),
             end,
             rate,
-        }
+        })
     }
 
     /// Writes the linearization at one point.
     fn linearize_point(&mut self, at: Stages<'_>, out: Linearization<'_>) {
-        let Dims { nx, nu, np, ny } = self.rate.dims();
+        let Dims { nx, nu, np, ny, .. } = self.rate.dims();
         let (n, length) = (nx - ADDED, self.end.sample_time_s());
         let Linearization { next, a, b, e } = out;
         [&mut *a, &mut *b, &mut *e].into_iter().for_each(|part| part.fill(0.0));
@@ -83,12 +90,12 @@ impl Quadrature {
         }
         (a[n * nx + n], a[(n + 1) * nx + n + 1]) = (1.0, 1.0);
         let row = ny - ADDED;
-        for (Node { model, weight }, part) in self.nodes.iter_mut().zip(Self::nodes()) {
+        for Node { model, part, weight } in &mut self.nodes {
             let weight = *weight * length;
             model.linearize(states, self.found.as_mut());
             let LinearizationBuffer { next: state, a: by_x, b: by_u, e: by_p } = &self.found;
             self.at[..n].copy_from_slice(state);
-            (self.at[n], self.at[n + 1]) = (at.x[n] + part * length, at.x[n + 1]);
+            (self.at[n], self.at[n + 1]) = (at.x[n] + *part * length, at.x[n + 1]);
             let point = Stages { x: &self.at, ..at };
             self.rate.linearize_output(point, self.outputs.as_mut());
             let OutputLinearizationBuffer { y, c, d, e: by } = &self.outputs;
@@ -137,9 +144,9 @@ impl Model for Quadrature {
         let (n, length) = (x.len() - ADDED, self.end.sample_time_s());
         let row = self.rate.dims().ny - ADDED;
         let mut cost = x[n + 1];
-        for (Node { model, weight }, part) in self.nodes.iter_mut().zip(Self::nodes()) {
+        for Node { model, part, weight } in &mut self.nodes {
             model.step(&x[..n], u, p, &mut self.at[..n]);
-            (self.at[n], self.at[n + 1]) = (x[n] + part * length, x[n + 1]);
+            (self.at[n], self.at[n + 1]) = (x[n] + *part * length, x[n + 1]);
             self.rate.output(&self.at, u, p, &mut self.outputs.y);
             cost += *weight * length * self.outputs.y[row];
         }

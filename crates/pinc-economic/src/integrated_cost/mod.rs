@@ -3,7 +3,7 @@
 #[cfg(test)]
 mod tests;
 
-use crate::stage_cost::{QuadBlock, StageCost, StagePoint, one_by_one};
+use pinc_mpc::{QuadBlock, StageCost, StagePoint};
 use pinc_ode::{
     Dims, Gradients, Linearization, LinearizationBuffer, Model, OutputLinearizationBuffer, Stages,
 };
@@ -107,7 +107,7 @@ impl StageCost for IntegratedCost {
         let (n, all) = (nx - 2, points * nx);
         let Self { models, at: extended, p, weights, by_extended, found, .. } = self;
         let Some((stage, _)) = models.iter_mut().find(|(_, end)| at.stage < *end) else {
-            one_by_one(self, at, part, block, [by_x, by_u]);
+            self.gradients_one_by_one(at, part, block, [by_x, by_u]);
             return false;
         };
         for weights in weights.chunks_exact_mut(nx) {
