@@ -3,9 +3,7 @@
 use crate::registry::Variables;
 use pinc_mpc::NmpcProblem;
 use pinc_ode::{Dims, Variable};
-use pinc_tube::{
-    EllipsoidTube, Feedback, Interval, Sources, StageError, TubeError, TubeModel, TubeUnits,
-};
+use pinc_tube::{EllipsoidTube, Feedback, Interval, Sources, StageError, TubeError, TubeModel};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
@@ -208,8 +206,7 @@ impl UncertaintySpec {
         let (dims, problem) = parts.sizes;
         let intervals = self.parameters.values().zip(parts.places);
         let intervals = intervals.map(|(&[low, high], &place)| Interval { place, low, high });
-        let units = problem.units(dims);
-        let units = TubeUnits { states: units.states, inputs: units.inputs };
+        let units = problem.units(dims).states;
         let states = parts.variables.state_names();
         let is_limited = !self.boxes.is_empty() || parts.proven.is_some();
         let sources = Sources {

@@ -2,6 +2,7 @@
 
 use crate::controller::Controller;
 use crate::template::{Template, array, constant};
+use pinc_mpc::ProblemUnits;
 use pinc_ode::Dims;
 use pinc_tube::Feedback;
 
@@ -49,6 +50,16 @@ const BEGIN: &str = "    pinc_copy(m->tight_low, m->low, PINC_UNKNOWNS);
 #endif
 ";
 
+/// The weights of the regulator, which are 1 in the plant's units.
+fn regulator(units: &ProblemUnits) -> String {
+    let squares = |units: &[f64]| -> Vec<f64> { units.iter().map(|unit| unit * unit).collect() };
+    format!(
+        "/* The regulator's weights of states and inputs. */\n{}{}",
+        array("state_weight", &squares(&units.states)),
+        array("input_weight", &squares(&units.inputs))
+    )
+}
+
 /// Fills what tightens the bounds of a controller with a tube.
 pub(crate) fn set_tube(t: &mut Template, controller: &Controller<'_>, dims: Dims) {
     let Some(tube) = controller.tube else {
@@ -73,7 +84,7 @@ pub(crate) fn set_tube(t: &mut Template, controller: &Controller<'_>, dims: Dims
             let gain: Vec<f64> = gain.iter().enumerate().map(|(i, k)| k * unit(i)).collect();
             (1, format!("/* K, [NU][NX] */\n{}", array("feedback", &gain)))
         }
-        Feedback::Riccati => (2, String::new()),
+        Feedback::Riccati => (2, regulator(&units)),
     };
     let tables = format!(
         "/* How many standard deviations bounds are tightened by; the feedback on deviations: 0, none; 1, \

@@ -40,8 +40,8 @@ static int pinc_moved_on(int j, int shift)
 }
 
 #if PINC_FEEDBACK == 2
-/* The gains of the linear-quadratic regulator along the plan, with S = I at the end:
-   K = -(I + B'S B)^-1 B'S A, S <- I + A'S A + A'S B K. The first is not used. */
+/* The gains of the linear-quadratic regulator along the plan, with S = Q at the end:
+   K = -(R + B'S B)^-1 B'S A, S <- Q + A'S A + A'S B K. The first is not used. */
 static void pinc_regulate(pinc_mpc *m, const pinc_qp *qp, int shift)
 {
     PINC_REAL s[PINC_NX * PINC_NX];
@@ -55,7 +55,7 @@ static void pinc_regulate(pinc_mpc *m, const pinc_qp *qp, int shift)
     int v;
     pinc_fill(s, PINC_N(0), PINC_NX * PINC_NX);
     for (i = 0; i < PINC_NX; i++) {
-        s[i * (PINC_NX + 1)] = PINC_N(1);
+        s[i * (PINC_NX + 1)] = pinc_state_weight[i];
     }
     for (j = PINC_N2 - 1; j > 0; j--) {
         const PINC_REAL *a = PINC_A(qp, pinc_moved_on(j, shift));
@@ -78,7 +78,7 @@ static void pinc_regulate(pinc_mpc *m, const pinc_qp *qp, int shift)
             }
         }
         for (i = 0; i < PINC_NU; i++) {
-            h[i * (PINC_NU + 1)] += PINC_N(1);
+            h[i * (PINC_NU + 1)] += pinc_input_weight[i];
         }
         /* The Cholesky factor of h in its lower half. */
         for (i = 0; i < PINC_NU; i++) {
@@ -121,7 +121,7 @@ static void pinc_regulate(pinc_mpc *m, const pinc_qp *qp, int shift)
                 pinc_add_scaled(s + (i * PINC_NX), l[(k * PINC_NX) + i], gain + (k * PINC_NX),
                                 PINC_NX);
             }
-            s[i * (PINC_NX + 1)] += PINC_N(1);
+            s[i * (PINC_NX + 1)] += pinc_state_weight[i];
         }
     }
 }

@@ -9,7 +9,7 @@ use pinc_mpc::{
 };
 use pinc_ode::{Dims, Dopri5, Linearization, Model, Rk4, Stages};
 use pinc_plants::{FourTanks, VanDerPol};
-use pinc_tube::{EllipsoidTube, Feedback, Sources, TubeModel, TubeUnits};
+use pinc_tube::{EllipsoidTube, Feedback, Sources, TubeModel};
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
 
@@ -103,7 +103,7 @@ fn with_tube(config: SqpConfig) -> Nmpc {
         boxes: vec![0.01; 4],
         ..Sources::default()
     };
-    let units = TubeUnits { states: vec![10.0; 4], inputs: vec![3.0; 2] };
+    let units = vec![10.0; 4];
     let own = TubeModel { model: Box::new(model.clone()), more: Vec::new() };
     let sizes = (model.dims(), problem.horizon);
     let tube = EllipsoidTube::new(sizes, sources, Some(own), Feedback::Riccati, units).unwrap();

@@ -4,8 +4,7 @@ use crate::gains::Gains;
 use crate::matrix::{congruence, dot, multiply, quadratic};
 use crate::sources::length;
 use crate::{
-    AlongPlan, BackOffs, Feedback, Interval, Sources, Tube, TubeError, TubeModel, TubeUnits,
-    normal_quantile,
+    AlongPlan, BackOffs, Feedback, Interval, Sources, Tube, TubeError, TubeModel, normal_quantile,
 };
 use pinc_ode::{Dims, LinearizationBuffer, OutputLinearization, Stages};
 
@@ -42,7 +41,8 @@ pub struct EllipsoidTube {
     sources: Sources,
     model: Option<TubeModel>,
     gains: Gains,
-    units: TubeUnits,
+    /// The sizes of deviations of the states that count the same.
+    units: Vec<f64>,
     /// Whether bounds of inputs move.
     tightens_inputs: bool,
     /// See [`Tube::programs`].
@@ -104,11 +104,10 @@ impl EllipsoidTube {
         sources: Sources,
         model: Option<TubeModel>,
         feedback: Feedback,
-        units: TubeUnits,
+        units: Vec<f64>,
     ) -> Result<Self, TubeError> {
         sources.validate(dims, model.as_ref())?;
-        length("the units of states", units.states.len(), dims.nx)?;
-        length("the units of inputs", units.inputs.len(), dims.nu)?;
+        length("the units of states", units.len(), dims.nx)?;
         if let Feedback::Given(gain) = &feedback {
             length("feedback", gain.len(), dims.nu * dims.nx)?;
         }
@@ -121,7 +120,7 @@ impl EllipsoidTube {
         Ok(Self {
             dims,
             stages,
-            gains: Gains::new(feedback, &units, stages),
+            gains: Gains::new(feedback, dims, stages),
             quantile: sources.probability.map_or(0.0, normal_quantile),
             estimated,
             p: zeros((stages + 1) * size * size),
@@ -249,7 +248,7 @@ impl EllipsoidTube {
         self.sources.boxes.iter().zip(&mut *boxes).for_each(|(given, to)| *to += given);
         if let Some(error) = &mut self.sources.error {
             error.write(at.x, at.u, at.p, next);
-            for ((to, error), unit) in boxes.iter_mut().zip(next).zip(&self.units.states) {
+            for ((to, error), unit) in boxes.iter_mut().zip(next).zip(&self.units) {
                 let size = error.abs();
                 *to += if size < MOST * unit { size } else { MOST * unit };
             }
@@ -274,7 +273,7 @@ impl EllipsoidTube {
         let Work { m, next, ends: [low, high], p, x, .. } = &mut self.work;
         write_parameters(at.p, more, p);
         model.step(at.x, at.u, p, next);
-        let units = &self.units.states;
+        let units = &self.units;
         for (g, of) in self.g.chunks_exact_mut(n).zip(&self.sources.parameters) {
             let nominal = p[of.place];
             for (end, value) in [(&mut *low, of.low), (&mut *high, of.high)] {

@@ -1,7 +1,8 @@
 //! The feedback along a plan.
 
 use crate::matrix::{dot, multiply, multiply_transposed};
-use crate::{AlongPlan, Feedback, TubeUnits};
+use crate::{AlongPlan, Feedback};
+use pinc_ode::Dims;
 
 /// K at each stage, `[N, m, n]`. The first is 0: the input applied now does not wait for what the
 /// plant does.
@@ -9,8 +10,7 @@ use crate::{AlongPlan, Feedback, TubeUnits};
 pub(crate) struct Gains {
     feedback: Feedback,
     pub(crate) k: Vec<f64>,
-    /// The weights of deviations, 1/unit^2, of states and inputs.
-    weights: [Vec<f64>; 2],
+    dims: [usize; 2],
     /// S, `[n, n]`, of the cost to go, and the next.
     s: [Vec<f64>; 2],
     /// S A and S B.
@@ -18,22 +18,20 @@ pub(crate) struct Gains {
     sb: Vec<f64>,
     /// A' S B, `[n, m]`.
     l: Vec<f64>,
-    /// R + B' S B, `[m, m]`, and its Cholesky factor in the lower half.
+    /// I + B' S B, `[m, m]`, and its Cholesky factor in the lower half.
     h: Vec<f64>,
 }
 
 impl Gains {
-    pub(crate) fn new(feedback: Feedback, units: &TubeUnits, stages: usize) -> Self {
-        let (n, m) = (units.states.len(), units.inputs.len());
+    pub(crate) fn new(feedback: Feedback, Dims { nx: n, nu: m, .. }: Dims, stages: usize) -> Self {
         let mut k = vec![0.0; stages * m * n];
         if let Feedback::Given(gain) = &feedback {
             k.chunks_exact_mut(m * n).skip(1).for_each(|k| k.copy_from_slice(gain));
         }
-        let weights = [&units.states, &units.inputs];
         Self {
             feedback,
             k,
-            weights: weights.map(|units| units.iter().map(|unit| unit.powi(-2)).collect()),
+            dims: [n, m],
             s: [vec![0.0; n * n], vec![0.0; n * n]],
             sa: vec![0.0; n * n],
             sb: vec![0.0; n * m],
@@ -51,30 +49,30 @@ impl Gains {
     /// The gains along a plan, backwards:
     ///
     /// ```text
-    /// S_N = Q,  K = -(R + B' S B)^-1 B' S A,  S <- Q + A' S A + A' S B K
+    /// S_N = I,  K = -(I + B' S B)^-1 B' S A,  S <- I + A' S A + A' S B K
     /// ```
     pub(crate) fn follow(&mut self, along: AlongPlan<'_>) {
         if self.feedback != Feedback::Riccati {
             return;
         }
-        let Self { k, weights: [q, r], s: [s, next], sa, sb, l, h, .. } = self;
-        let (n, m) = (q.len(), r.len());
+        let Self { k, dims: [n, m], s: [s, next], sa, sb, l, h, .. } = self;
+        let (n, m) = (*n, *m);
         s.fill(0.0);
-        q.iter().enumerate().for_each(|(i, q)| s[i * (n + 1)] = *q);
+        add_identity(s, n);
         for j in (1..along.stages()).rev() {
             let (_, [a, b]) = along.stage(j);
             let k = &mut k[j * m * n..(j + 1) * m * n];
             multiply(s, a, n, n, sa);
             multiply(s, b, n, m, sb);
             multiply_transposed(b, sb, [m, m], h);
-            r.iter().enumerate().for_each(|(i, r)| h[i * (m + 1)] += r);
+            add_identity(h, m);
             // S is symmetric: B' S A = (S B)' A.
             multiply_transposed(sb, a, [m, n], k);
             factor(h, m);
             solve(h, m, k, n);
             multiply_transposed(a, sa, [n, n], next);
-            q.iter().enumerate().for_each(|(i, q)| next[i * (n + 1)] += q);
-            // L = (S B)' A is (R + B' S B) times -K, and L' = A' (S B).
+            add_identity(next, n);
+            // L = (S B)' A is (I + B' S B) times -K, and L' = A' (S B).
             multiply_transposed(a, sb, [n, m], l);
             for (next, l) in next.chunks_exact_mut(n).zip(l.chunks_exact(m)) {
                 for (l, k) in l.iter().zip(k.chunks_exact(n)) {
@@ -110,4 +108,9 @@ fn solve(h: &[f64], m: usize, l: &mut [f64], n: usize) {
         }
         (0..m).for_each(|i| l[i * n + column] = -l[i * n + column]);
     }
+}
+
+/// Adds the identity to a matrix, `[n, n]`.
+fn add_identity(matrix: &mut [f64], n: usize) {
+    matrix.iter_mut().step_by(n + 1).for_each(|diagonal| *diagonal += 1.0);
 }

@@ -13,5 +13,5 @@ pub use along::{AlongPlan, BackOffs, Tube};
 pub use ellipsoids::EllipsoidTube;
 pub use error::TubeError;
 pub use quantile::normal_quantile;
-pub use sources::{Feedback, Interval, Sources, StageError, TubeModel, TubeUnits};
+pub use sources::{Feedback, Interval, Sources, StageError, TubeModel};
 pub use tightening::{Sides, Tightened, Tightening};

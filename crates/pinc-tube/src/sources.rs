@@ -55,23 +55,14 @@ pub struct TubeModel {
 /// The feedback that is taken to act on deviations from the plan, from the second input on.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub enum Feedback {
-    /// The gains of the linear-quadratic regulator along the plan, which weighs deviations in the
-    /// tube's units.
+    /// The gains of the linear-quadratic regulator along the plan, whose weights are 1 for all states
+    /// and inputs.
     #[default]
     Riccati,
     /// None: deviations grow as the model lets them.
     None,
     /// K, `[m, n]`, with u = plan + K (x - plan).
     Given(Vec<f64>),
-}
-
-/// The sizes of deviations that count the same.
-#[derive(Clone, Debug, PartialEq)]
-pub struct TubeUnits {
-    /// Of the states, positive.
-    pub states: Vec<f64>,
-    /// Of the inputs, positive.
-    pub inputs: Vec<f64>,
 }
 
 impl Sources {

@@ -3,7 +3,7 @@
 use pinc_mpc::{Bounds, Nmpc, NmpcProblem, SqpConfig, Tracked, Weights};
 use pinc_ode::{Dims, Linearization, Memory, Model, OutputLinearization, Rk4, Stages};
 use pinc_plants::FourTanks;
-use pinc_tube::{EllipsoidTube, Feedback, Sources, TubeModel, TubeUnits};
+use pinc_tube::{EllipsoidTube, Feedback, Sources, TubeModel};
 
 const N: usize = 6;
 
@@ -31,7 +31,7 @@ fn in_real_time() -> Nmpc {
 
 fn with_tube() -> Nmpc {
     let sources = Sources { boxes: vec![0.05; 4], ..Sources::default() };
-    let units = TubeUnits { states: vec![10.0; 4], inputs: vec![4.0; 2] };
+    let units = vec![10.0; 4];
     let dims = (model().dims(), N);
     let tube = EllipsoidTube::new(dims, sources, None, Feedback::Riccati, units).unwrap();
     let bounded = NmpcProblem {
@@ -83,7 +83,7 @@ impl Model for WithSum {
 /// The bound of the output is below what the references ask for, and a tube moves it in each step.
 fn with_tube_in_real_time() -> Nmpc {
     let sources = Sources { boxes: vec![0.05; 4], ..Sources::default() };
-    let units = TubeUnits { states: vec![10.0; 4], inputs: vec![4.0; 2] };
+    let units = vec![10.0; 4];
     let sum = WithSum(model());
     let follows = TubeModel { model: Box::new(sum.clone()), more: Vec::new() };
     let tube =

@@ -7,9 +7,7 @@ use pinc_mpc::{
 };
 use pinc_ode::{LinearizationBuffer, Model, Plant, Rk4, Stages, Variable};
 use pinc_plants::FourTanks;
-use pinc_tube::{
-    AlongPlan, BackOffs, EllipsoidTube, Feedback, Sources, Tube, TubeModel, TubeUnits,
-};
+use pinc_tube::{AlongPlan, BackOffs, EllipsoidTube, Feedback, Sources, Tube, TubeModel};
 
 const N: usize = 6;
 const NU: usize = 4;
@@ -32,7 +30,7 @@ fn problem() -> NmpcProblem {
 /// A tube for errors of at most `size` cm in each step.
 fn tube(size: f64) -> EllipsoidTube {
     let sources = Sources { boxes: vec![size; 4], ..Sources::default() };
-    let units = TubeUnits { states: vec![10.0; 4], inputs: vec![4.0; 2] };
+    let units = vec![10.0; 4];
     EllipsoidTube::new((model().dims(), N), sources, None, Feedback::Riccati, units).unwrap()
 }
 
@@ -210,7 +208,7 @@ fn many_tightenings_of_a_step_do_not_stop_it() {
                 process_sd: vec![0.03, 0.02],
                 ..Sources::default()
             };
-            let units = TubeUnits { states: vec![1.0; 2], inputs: vec![2.0; 2] };
+            let units = vec![1.0; 2];
             let follows = TubeModel { model: Box::new(model.clone()), more: Vec::new() };
             let sizes = (model.dims(), 8);
             let tube = EllipsoidTube::new(sizes, sources, Some(follows), Feedback::None, units);

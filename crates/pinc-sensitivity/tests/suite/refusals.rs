@@ -7,7 +7,7 @@ use pinc_mpc::{
 use pinc_ode::{Model, Rk4};
 use pinc_plants::FourTanks;
 use pinc_sensitivity::Sensitivity;
-use pinc_tube::{EllipsoidTube, Feedback, Sources, TubeUnits};
+use pinc_tube::{EllipsoidTube, Feedback, Sources};
 
 const N: usize = 6;
 
@@ -47,7 +47,7 @@ fn plans_in_a_tube_have_no_derivatives() {
         ..NmpcProblem::new(dims, N, Weights::uniform(vec![10.0; 2], vec![1.0; 2]))
     };
     let sources = Sources { boxes: vec![0.05; 4], ..Sources::default() };
-    let units = TubeUnits { states: vec![10.0; 4], inputs: vec![4.0; 2] };
+    let units = vec![10.0; 4];
     let tube = EllipsoidTube::new((dims, N), sources, None, Feedback::Riccati, units).unwrap();
     let nmpc = Nmpc::builder(problem).model(Box::new(model)).tube(Box::new(tube));
     let mut nmpc = nmpc.build().unwrap();

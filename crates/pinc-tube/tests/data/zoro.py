@@ -1,8 +1,8 @@
 """Writes zoro.txt: the zero-order tightening of a differential drive's plan, by numpy alone.
 
 x+ = x + p T v cos(th + T w/2), y+ = y + p T v sin(th + T w/2), th+ = th + T w, T = 0.2, p = 1; output
-d = p sqrt(x^2 + y^2) + 0.1 v. Jacobians by complex steps. K: the regulator along the plan with unit
-weights 1/unit^2, 0 at the first stage. P+ = M P M' + W; E+ = the ellipsoid of least trace around M E
+d = p sqrt(x^2 + y^2) + 0.1 v. Jacobians by complex steps. K: the regulator along the plan with
+weights of 1, 0 at the first stage. P+ = M P M' + W; E+ = the ellipsoid of least trace around M E
 M' + boxes, in units of sqrt((M E M')_ii) + box_i; g+ = M g + dF for p at the end of [0.9, 1.05] where dF is larger.
 Python 3.12, numpy 2.3. Run: python zoro.py > zoro.txt
 """
@@ -11,7 +11,7 @@ import numpy as np
 from statistics import NormalDist
 
 T, N, NU, n, m = 0.2, 8, 6, 3, 2
-UX, UU = np.array([2.0, 3.0, 1.5]), np.array([1.0, 2.0])
+UX = np.array([2.0, 3.0, 1.5])
 SD, BOX = np.array([0.01, 0.02, 0.005]), np.array([0.004, 0.003, 0.002])
 P0 = np.array([[4e-4, 1e-4, 0], [1e-4, 9e-4, -5e-5], [0, -5e-5, 1e-4]])
 Z, LOW, HIGH = NormalDist().inv_cdf(0.99), 0.9, 1.05
@@ -38,7 +38,7 @@ for u in us:
     xs.append(F(xs[-1], u, 1.0))
 A = [jac(lambda x: F(x, us[k], 1.0), xs[k]) for k in range(N)]
 B = [jac(lambda u: F(xs[k], u, 1.0), us[k]) for k in range(N)]
-Q, R = np.diag(UX**-2.0), np.diag(UU**-2.0)
+Q, R = np.eye(n), np.eye(m)
 K, S = [np.zeros((m, n))] * N, Q
 for k in range(N - 1, 0, -1):
     K[k] = -np.linalg.solve(R + B[k].T @ S @ B[k], B[k].T @ S @ A[k])

@@ -3,7 +3,6 @@
 use pinc_ode::{Dims, Linearization, Model, OutputLinearization, Stages};
 use pinc_tube::{
     AlongPlan, BackOffs, EllipsoidTube, Feedback, Interval, Sources, StageError, Tube, TubeModel,
-    TubeUnits,
 };
 use rand::rngs::ChaCha8Rng;
 use rand::{RngExt, SeedableRng};
@@ -70,7 +69,7 @@ impl StageError for Error {
 /// The tube of `sources` around the origin, with its back-offs.
 fn tube(sources: Sources, covariance: Option<&[f64; 4]>) -> (EllipsoidTube, BackOffs) {
     let plan = Stages { x: &[0.0; 2 * N], u: &[0.0; N], p: &[] };
-    let units = TubeUnits { states: vec![1.0, 2.0], inputs: vec![1.5] };
+    let units = vec![1.0, 2.0];
     let model = TubeModel { model: Box::new(Linear), more: vec![0.0] };
     let new = EllipsoidTube::new((DIMS, N), sources, Some(model), Feedback::Riccati, units);
     let mut tube = new.unwrap();
@@ -81,6 +80,34 @@ fn tube(sources: Sources, covariance: Option<&[f64; 4]>) -> (EllipsoidTube, Back
     let mut found = BackOffs { states: zeros(2 * N), inputs: zeros(N), ..BackOffs::default() };
     tube.write(AlongPlan::new(plan, [&A.repeat(N), &B.repeat(N)], DIMS, 0), &mut found);
     (tube, found)
+}
+
+/// The regulator's weights are 1 whatever the units are.
+#[test]
+fn gains_do_not_depend_on_units() {
+    let gains = |units: Vec<f64>| {
+        let new = EllipsoidTube::new((DIMS, N), boxed(), None, Feedback::Riccati, units);
+        let mut tube = new.unwrap();
+        let plan = Stages { x: &[0.0; 2 * N], u: &[0.0; N], p: &[] };
+        let mut found =
+            BackOffs { states: vec![0.0; 2 * N], inputs: vec![0.0; N], ..BackOffs::default() };
+        tube.write(AlongPlan::new(plan, [&A.repeat(N), &B.repeat(N)], DIMS, 0), &mut found);
+        tube.gains().to_vec()
+    };
+    let expected = gains(vec![1.0; 2]);
+    // At the last stage S = I.
+    let [k0, k1] = [expected[2 * N - 2], expected[2 * N - 1]];
+    let h = 1.0 + B[0] * B[0] + B[1] * B[1];
+    for (k, column) in [(k0, 0), (k1, 1)] {
+        let by = (B[0] * A[column] + B[1] * A[2 + column]) / h;
+        assert!((k + by).abs() < 1e-14, "{k} {by}");
+    }
+    assert_eq!(gains(vec![1024.0, 1.0 / 64.0]), expected);
+}
+
+/// Errors of the model within boxes.
+fn boxed() -> Sources {
+    Sources { boxes: vec![0.3, 0.1], ..Sources::default() }
 }
 
 /// The states and inputs of a plant under the feedback `gains`, disturbed in each step.
@@ -153,7 +180,7 @@ const OF_ALL: [f64; 9] = [0.2, 0.1, -0.15, 0.1, 0.4, 0.05, -0.15, 0.05, 0.3];
 fn an_estimated_parameter_counts_with_its_covariance_and_correlation() {
     let dims = DIMS.with_parameters(1);
     let sources = Sources { probability: Some(0.9), estimate: true, ..Sources::default() };
-    let units = TubeUnits { states: vec![1.0, 2.0], inputs: vec![1.5] };
+    let units = vec![1.0, 2.0];
     let model = TubeModel { model: Box::new(Linear), more: vec![] };
     let new = EllipsoidTube::new((dims, N), sources, Some(model), Feedback::Riccati, units);
     let mut tube = new.unwrap();
@@ -255,7 +282,7 @@ fn units_of_states_do_not_matter() {
             boxes: vec![0.1 * of[0], 0.05 * of[1]],
             ..Sources::default()
         };
-        let units = TubeUnits { states: vec![1.0, 2.0], inputs: vec![1.5] };
+        let units = vec![1.0, 2.0];
         let feedback = Feedback::Given(gain);
         let mut tube = EllipsoidTube::new((DIMS, N), sources, None, feedback, units).unwrap();
         let zeros = |size: usize| vec![0.0; size];

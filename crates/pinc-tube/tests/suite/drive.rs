@@ -1,9 +1,7 @@
 //! A differential drive: the tightening that numpy finds, `tests/data/zoro.py`.
 
 use pinc_ode::{Dims, Linearization, LinearizationBuffer, Model, OutputLinearization, Stages};
-use pinc_tube::{
-    AlongPlan, BackOffs, EllipsoidTube, Feedback, Interval, Sources, Tube, TubeModel, TubeUnits,
-};
+use pinc_tube::{AlongPlan, BackOffs, EllipsoidTube, Feedback, Interval, Sources, Tube, TubeModel};
 
 const T: f64 = 0.2;
 const N: usize = 8;
@@ -83,7 +81,7 @@ fn back_offs_match_numpy() {
         estimate: true,
         error: None,
     };
-    let units = TubeUnits { states: vec![2.0, 3.0, 1.5], inputs: vec![1.0, 2.0] };
+    let units = vec![2.0, 3.0, 1.5];
     let model = TubeModel { model: Box::new(Drive), more: Vec::new() };
     let feedback = Feedback::Riccati;
     let mut tube = EllipsoidTube::new((dims, N), sources, Some(model), feedback, units).unwrap();

@@ -2,7 +2,7 @@
 
 use pinc_ode::{Dims, Linearization, Model, OutputLinearization, Stages};
 use pinc_tube::{
-    AlongPlan, BackOffs, EllipsoidTube, Feedback, Interval, Sources, Tube, TubeModel, TubeUnits,
+    AlongPlan, BackOffs, EllipsoidTube, Feedback, Interval, Sources, Tube, TubeModel,
     normal_quantile,
 };
 
@@ -42,7 +42,7 @@ impl Model for Linear {
 }
 
 fn back_offs(sources: Sources) -> BackOffs {
-    let units = TubeUnits { states: vec![1.0], inputs: vec![1.0] };
+    let units = vec![1.0];
     let model = TubeModel { model: Box::new(Linear), more: vec![1.0] };
     let feedback = Feedback::Given(vec![K]);
     let mut tube = EllipsoidTube::new((DIMS, N), sources, Some(model), feedback, units).unwrap();
@@ -122,7 +122,7 @@ impl Model for Exponential {
 fn steps_deviate_along_one_direction_of_a_parameter() {
     let parameters = vec![Interval { place: 0, low: -0.5, high: 0.5 }];
     let sources = Sources { parameters, ..Sources::default() };
-    let units = TubeUnits { states: vec![1.0], inputs: vec![1.0] };
+    let units = vec![1.0];
     let model = TubeModel { model: Box::new(Exponential), more: vec![0.0] };
     let feedback = Feedback::Given(vec![K]);
     let mut tube = EllipsoidTube::new((DIMS, N), sources, Some(model), feedback, units).unwrap();

@@ -3,13 +3,12 @@
 use pinc_ode::{Dims, Stages};
 use pinc_tube::{
     AlongPlan, BackOffs, EllipsoidTube, Feedback, Interval, Sources, StageError, Tube, TubeError,
-    TubeUnits,
 };
 
 const DIMS: Dims = Dims::new(1, 1);
 
 fn tube(sources: Sources, feedback: Feedback) -> Result<EllipsoidTube, TubeError> {
-    let units = TubeUnits { states: vec![2.0], inputs: vec![1.0] };
+    let units = vec![2.0];
     EllipsoidTube::new((DIMS, 1), sources, None, feedback, units)
 }
 
