@@ -157,9 +157,10 @@ impl<'a> Advice<'a> {
              control step takes {:.1} us (99th percentile {:.1} us)",
             described(self.winner),
             decimals(score.iae, 6),
-            match (score.iae / iae - 1.0).abs() < 1e-9 {
-                true => String::new(),
-                false => format!("within {} % of ", 100.0 * self.within),
+            match score.iae / iae - 1.0 {
+                more if more.abs() < 1e-9 => String::new(),
+                more if more < -self.within => "below ".to_owned(),
+                _ => format!("within {} % of ", 100.0 * self.within),
             },
             decimals(iae, 6),
             score.p50_us,
@@ -267,6 +268,8 @@ mod tests {
                     most exact model, RK4 x16, 100.000000, and its control step takes 10.0 us (99th \
                     percentile 20.0 us); no net was tried.";
         assert_eq!(sentences(|_| ()), [said]);
+        let below = &sentences(|score| score.iae = 98.0)[0];
+        assert!(below.contains("its IAE of 98.000000 is below the IAE of"), "{below}");
         let proven = sentences(|score| score.proven = Some(2.5e-3));
         assert!(
             proven[1].contains("proven to be wrong by at most 2.5e-3 of the widths"),

@@ -270,15 +270,16 @@ impl Lists<'_> {
             };
             let elements = known.iter().filter(is_meant).map(|name| Value::String(name.clone()));
             let elements: Vec<Value> = elements.collect();
-            if range.is_some_and(|(_, range)| elements.len() < range.count().max(1)) {
+            let is_known = match range {
+                Some((_, range)) => elements.len() >= range.count().max(1),
+                None => !elements.is_empty() || text.is_empty() || known.iter().any(|n| n == text),
+            };
+            if !is_known {
                 let key = in_errors(&format!("{key}.{}", groups.len()));
                 return Err((key, Problem::word(text, known)));
             }
             let start = all.len();
-            match elements.is_empty() {
-                true => all.push(entry.clone()),
-                false => all.extend(elements),
-            }
+            all.extend(if elements.is_empty() { vec![entry.clone()] } else { elements });
             groups.push(start..all.len());
         }
         let names = all.iter().map(|name| name.as_str().unwrap_or_default().to_owned()).collect();

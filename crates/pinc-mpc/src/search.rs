@@ -61,10 +61,10 @@ impl Programs<'_> {
         self.plan
     }
 
-    /// The cost of this plan, with what its violations of soft constraints cost.
+    /// The cost of this plan.
     #[must_use]
     pub fn cost(&self) -> f64 {
-        self.outcome.cost + self.sqp.price_of_violations()
+        self.outcome.cost
     }
 
     /// The least and the most that an input of the first stage may be, by its bounds and those of its

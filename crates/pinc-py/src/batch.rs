@@ -334,7 +334,7 @@ impl NmpcBatch {
 /// A batch of what another one was made from.
 #[pyfunction]
 pub(crate) fn restore_batch(origin: OriginParts, threads: usize) -> PyResult<NmpcBatch> {
-    NmpcBatch::make(Origin::from_parts(origin), threads)
+    NmpcBatch::make(Origin::from_parts(origin)?, threads)
 }
 
 /// How many rows of `width` numbers there are.

@@ -1,8 +1,7 @@
 //! From what a caller gives for a config to an experiment.
 
-use crate::errors::{input, of_config, of_run};
+use crate::errors::of_config;
 use pinc_config::{Experiment, Plants};
-use pinc_record::read_file;
 use pyo3::prelude::*;
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -47,18 +46,16 @@ impl Source {
         Ok(Self { path, text, sets })
     }
 
-    /// This one with the text of its file in it, which may be gone or another later.
+    /// This one with every value spelled out: its files, those of schedules too, may be gone or others
+    /// later.
     pub(crate) fn pinned(self) -> PyResult<Self> {
-        let text = match self.text {
-            Some(text) => text,
-            None => {
-                let bytes = read_file(&self.path).map_err(|error| of_run(&error.into()))?;
-                String::from_utf8(bytes).map_err(|_| {
-                    input(format!("{}: no text, expected TOML in UTF-8", self.path.display()))
-                })?
-            }
-        };
-        Ok(Self { text: Some(text), ..self })
+        Ok(Self::from_parts(self.parts_of(&self.experiment()?)))
+    }
+
+    /// What `experiment`, which is this one's, consists of, for a pickle.
+    pub(crate) fn parts_of(&self, experiment: &Experiment) -> Parts {
+        let path = self.path.to_string_lossy().into_owned();
+        (path, Some(experiment.to_toml()), Vec::new())
     }
 
     /// What it consists of, for a pickle.

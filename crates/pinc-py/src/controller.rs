@@ -27,7 +27,8 @@ pub(crate) struct Nmpc {
 /// What a controller was made from, to be made again from it.
 #[derive(Debug)]
 pub(crate) struct Origin {
-    pub(crate) source: Source,
+    source: Source,
+    experiment: Experiment,
     /// The content of the model file.
     pub(crate) model: Option<Vec<u8>>,
     pub(crate) only: Option<String>,
@@ -43,17 +44,21 @@ impl Origin {
         model: Option<&GivenModel<'_>>,
         only: Option<&str>,
     ) -> PyResult<Self> {
-        let source = Source::of(config, overrides)?.pinned()?;
+        let source = Source::of(config, overrides)?;
+        let experiment = source.experiment()?;
         let model = model.map(GivenModel::bytes).transpose()?;
-        Ok(Self { source, model, only: only.map(str::to_owned) })
+        Ok(Self { source, experiment, model, only: only.map(str::to_owned) })
     }
 
-    pub(crate) fn from_parts((source, model, only): OriginParts) -> Self {
-        Self { source: Source::from_parts(source), model, only }
+    pub(crate) fn from_parts((source, model, only): OriginParts) -> PyResult<Self> {
+        let source = Source::from_parts(source);
+        Ok(Self { experiment: source.experiment()?, source, model, only })
     }
 
+    /// With every value spelled out: files of the config, those of schedules too, may be gone or others
+    /// later.
     pub(crate) fn parts(&self) -> OriginParts {
-        (self.source.parts(), self.model.clone(), self.only.clone())
+        (self.source.parts_of(&self.experiment), self.model.clone(), self.only.clone())
     }
 
     /// Calls `make` with the experiment, the model file and the model's kind.
@@ -61,10 +66,9 @@ impl Origin {
         &self,
         make: impl FnOnce(&Experiment, Option<ModelFile<'_>>, Option<ModelKind>) -> Result<T, RunError>,
     ) -> PyResult<T> {
-        let experiment = self.source.experiment()?;
         let only = self.only.as_deref().map(kind).transpose()?;
         let model = self.model.as_deref().map(ModelFile::Content);
-        make(&experiment, model, only).map_err(|error| of_run(&error))
+        make(&self.experiment, model, only).map_err(|error| of_run(&error))
     }
 }
 
@@ -414,7 +418,7 @@ impl Nmpc {
 /// A controller of what another one was made from, in its state.
 #[pyfunction]
 pub(crate) fn restore_nmpc(origin: OriginParts, state: &str) -> PyResult<Nmpc> {
-    let nmpc = Nmpc::make(Origin::from_parts(origin))?;
+    let nmpc = Nmpc::make(Origin::from_parts(origin)?)?;
     nmpc.set_state(state)?;
     Ok(nmpc)
 }

@@ -54,7 +54,7 @@ impl Estimator {
 /// An estimator of what another one was made from, in its state.
 #[pyfunction]
 pub(crate) fn restore_estimator(origin: OriginParts, state: Given<'_>) -> PyResult<Estimator> {
-    let estimator = Estimator::make(Origin::from_parts(origin))?;
+    let estimator = Estimator::make(Origin::from_parts(origin)?)?;
     estimator.set_state(state)?;
     Ok(estimator)
 }

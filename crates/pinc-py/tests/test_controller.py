@@ -1,5 +1,6 @@
 """Controllers, step by step."""
 
+import copy
 import pickle
 from pathlib import Path
 
@@ -201,6 +202,24 @@ def test_controllers_that_cannot_be_made_are_refused(
             pinc.Nmpc(smoke, **given)  # type: ignore[arg-type]
     with pytest.raises(TypeError):
         pinc.Nmpc(smoke, model=3)  # type: ignore[arg-type]
+
+
+def test_pickled_controllers_keep_the_files_of_their_config(
+    smoke: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    day = tmp_path / "day.csv"
+    day.write_text("t,x1\n0,0.5\n10,0.8\n")
+    monkeypatch.chdir(tmp_path)
+    references = {"control.references": {"x1": {"file": "day.csv", "interpolation": "linear"}}}
+    short = {"control.controlled": ["x1"], "control.q": [10.0], "control.models": ["rk4"]}
+    controller = pinc.Nmpc(smoke, overrides={**short, **references}, only="rk4")
+    pickled = pickle.dumps(controller)
+    day.write_text("t,x1\n0,-0.5\n10,-0.8\n")
+    monkeypatch.chdir("/")
+    others = [pickle.loads(pickled), copy.deepcopy(controller)]
+    expected = controller.step([0.1, 0.0]).u
+    for other in others:
+        assert np.array_equal(other.step([0.1, 0.0]).u, expected)
 
 
 def test_controllers_are_pickled_with_their_state(smoke: Path, model: pinc.Model) -> None:

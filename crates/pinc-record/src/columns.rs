@@ -48,6 +48,12 @@ pub fn not_finite(cell: &str, column: &str) -> String {
     format!("column `{column}`: `{cell}` given, expected a finite number up to 1e100")
 }
 
+/// Columns of these quantities without a measurement.
+#[must_use]
+pub fn unmeasured(measured: &[String]) -> String {
+    format!("no row has a number in y_{}, expected a measurement", measured.join(", y_"))
+}
+
 /// Times that do not increase.
 #[must_use]
 pub fn not_later(t: f64, previous: f64) -> String {

@@ -61,7 +61,7 @@ pub use metrics::{
     is_failure,
 };
 pub use provenance::{Invocation, Provenance, rfc3339};
-pub use recorded::{RecordedColumns, RecordedRow, RecordedSteps};
+pub use recorded::{RecordedColumns, RecordedRow, RecordedSteps, recorded_inputs};
 pub use run_dir::RunDir;
 pub use search::{Best, Eligibility, Search};
 pub use spread::Spread;

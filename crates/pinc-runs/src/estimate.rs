@@ -7,7 +7,7 @@ use super::guard::{Ahead, Guard};
 use crate::RunError;
 use pinc_config::{Experiment, LoopParameters, ModelKind, Variables};
 use pinc_estimate::{Augmentation, Estimator, History};
-use pinc_record::columns::{At, rows, too_few_rows};
+use pinc_record::columns::{At, rows, too_few_rows, unmeasured};
 use pinc_record::{
     EstimatorMetrics, OutsideDomain, RecordedColumns, RecordedRow, check_output, decimals,
     read_file, write_output,
@@ -191,7 +191,7 @@ impl ConfigEstimator {
         let (header, rows) = rows(text).map_err(at)?;
         let columns = RecordedColumns::find(&header, variables, measured, (known, constants));
         let columns = columns.map_err(|problem| at((1, problem)))?;
-        let mut run = Run::default();
+        let (mut run, mut is_blind) = (Run::default(), true);
         let mut before: Option<(u64, RecordedRow)> = None;
         for row in rows {
             let (line, cells) = row.map_err(at)?;
@@ -221,6 +221,7 @@ impl ConfigEstimator {
                 None => filter.reset_input(initial_input.unwrap_or(&row.u)),
             }
             filter.set_parameters(&row.known);
+            is_blind &= row.y.iter().all(|y| y.is_nan());
             let correction = filter.correct(&row.y);
             run.step_us.push(1e6 * clock.elapsed().as_secs_f64());
             if let Some(truth) = &row.truth {
@@ -236,6 +237,7 @@ impl ConfigEstimator {
         }
         match run.t.len() {
             0 => Err(at(too_few_rows(0, 1))),
+            _ if is_blind => Err(at((1, unmeasured(measured)))),
             _ => Ok(run),
         }
     }

@@ -137,7 +137,7 @@ impl Nmpc {
         best.copy_from(&self.plan);
         self.sqp.keep_weight();
         let (mut outcome, mut iterations) = (found, found.iterations);
-        let mut least = self.whole_cost(&found);
+        let mut least = found.cost_if_converged();
         let starts = if is_cold { self.config.starts } else { 1 };
         let mut winner = (starts > 1).then_some(0);
         for attempt in 1..starts + SADDLES {
@@ -155,7 +155,7 @@ impl Nmpc {
             }
             let other = self.optimize(reference, expired);
             iterations += other.iterations;
-            let cost = self.whole_cost(&other);
+            let cost = other.cost_if_converged();
             if cost + CHEAPER * cost.abs() < least {
                 (outcome, least) = (other, cost);
                 best.copy_from(&self.plan);
@@ -167,14 +167,6 @@ impl Nmpc {
         self.plan.copy_from(&best);
         self.best = Some(best);
         (Outcome { iterations, ..outcome }, winner)
-    }
-
-    /// The cost of a plan with its violations of soft bounds; infinite if it did not converge.
-    fn whole_cost(&self, of: &Outcome) -> f64 {
-        match of.status {
-            SqpStatus::Converged => of.cost + self.sqp.price_of_violations(),
-            _ => f64::INFINITY,
-        }
     }
 
     /// Moves each input of the plan by a small part of its range, one way or the other.

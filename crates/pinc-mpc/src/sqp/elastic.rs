@@ -73,7 +73,8 @@ impl Sqp {
         (qp.bounds.penalty, qp.rows.penalty) = (found.bounds, found.rows);
     }
 
-    /// Judges the end by the problem's own hard constraints.
+    /// Judges the end by the problem's own hard constraints, and adds to the cost what violations of soft
+    /// ones cost.
     pub(super) fn finalize(
         &mut self,
         mut outcome: Outcome,
@@ -104,6 +105,7 @@ impl Sqp {
                 }
             }
         }
+        outcome.cost += self.price_of_violations();
         if !outcome.last.max().is_finite() {
             outcome.status = SqpStatus::NumericalTrouble;
         }

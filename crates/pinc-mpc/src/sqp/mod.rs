@@ -267,7 +267,7 @@ impl Sqp {
         self.transcription.move_measured([input.x0, &self.prepared], qp);
         let cost = self.transcription.measure(input.x0, &plan.z, input.targets, qp);
         let last = KktResidual::with_cost(cost, &self.qp, plan, &mut self.work);
-        let cost = self.transcription.units.plain_cost(cost);
+        let cost = self.transcription.units.plain_cost(cost) + self.price_of_violations();
         let (status, conflict) = match last.max().is_finite() {
             true => self.solve_prepared(plan, expired),
             false => (SqpStatus::NumericalTrouble, None),
@@ -547,8 +547,8 @@ impl Sqp {
         several && !transcription.is_tightened()
     }
 
-    /// What the violations of soft constraints cost in the plan that was solved last.
-    pub(crate) fn price_of_violations(&self) -> f64 {
+    /// What violations of soft constraints cost at the last plan that was evaluated.
+    fn price_of_violations(&self) -> f64 {
         self.transcription.units.plain_cost(price_of_violations(&self.qp))
     }
 

@@ -18,11 +18,16 @@ pub(crate) struct Outcome {
     /// Whether the plan is not known to be a minimum, since the cost's curvature is negative there;
     /// without convergence, whether the last program had to be made convex.
     pub(crate) curvature_dropped: bool,
-    /// The cost of the last plan that was evaluated.
+    /// The cost of the last plan that was evaluated, with what violations of soft constraints cost.
     pub(crate) cost: f64,
 }
 
 impl Outcome {
+    /// The cost of a plan that converged, and infinity for others.
+    pub(crate) fn cost_if_converged(&self) -> f64 {
+        if self.status == SqpStatus::Converged { self.cost } else { f64::INFINITY }
+    }
+
     /// The time was up before the first linearization was complete.
     pub(super) fn expired_at_once() -> Self {
         Self { last: KktResidual::unknown(), ..Self::of_plan(SqpStatus::Deadline, f64::NAN) }

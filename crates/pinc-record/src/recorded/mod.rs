@@ -1,7 +1,7 @@
 //! Recorded data: the columns `t`, the inputs, known parameters, and `y_` with the name of what is
 //! measured.
 
-use crate::columns::{At, finite, optional, place, too_far};
+use crate::columns::{At, finite, optional, place, rows, too_far};
 use ::csv::StringRecord;
 use pinc_config::Variables;
 
@@ -161,3 +161,30 @@ impl RecordedColumns {
 
 #[cfg(test)]
 mod tests;
+
+/// The times of a recording, counted from its first row, and its inputs where they change.
+///
+/// # Errors
+///
+/// The line of what is wrong.
+pub fn recorded_inputs(
+    variables: &Variables,
+    text: &[u8],
+) -> Result<(Vec<f64>, Vec<Vec<f64>>), At> {
+    let (header, rows) = rows(text)?;
+    let columns = RecordedColumns::find(&header, variables, &[], (&[], &[]));
+    let columns = columns.map_err(|problem| (1, problem))?.without_truth();
+    let (mut times, mut inputs): (Vec<f64>, Vec<Vec<f64>>) = (Vec::new(), Vec::new());
+    for row in rows {
+        let (line, cells) = row?;
+        let row = columns.read(&cells).map_err(|problem| (line, problem))?;
+        // Inputs that hold on are one value.
+        if inputs.last() != Some(&row.u) {
+            times.push(row.t);
+            inputs.push(row.u);
+        }
+    }
+    let first = times.first().copied().unwrap_or(0.0);
+    times.iter_mut().for_each(|t| *t -= first);
+    Ok((times, inputs))
+}
