@@ -517,6 +517,12 @@ impl Control<'_, '_> {
         self.run.nmpc.parameters()
     }
 
+    /// The states of the plan, `[N2, n]`; none if it is no solution.
+    #[must_use]
+    pub fn plan(&self) -> &[f64] {
+        if self.record().status.is_solved() { self.run.nmpc.plan().states() } else { &[] }
+    }
+
     /// Where the plan expects the states: see [`Nmpc::expected`].
     #[must_use]
     pub fn expected(&self) -> Option<Vec<[Vec<f64>; 2]>> {

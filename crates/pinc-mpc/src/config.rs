@@ -37,6 +37,24 @@ pub enum SqpStatus {
     BadArgument,
 }
 
+impl SqpStatus {
+    /// Whether the plan solves its problem, or the program of a real-time iteration.
+    #[must_use]
+    pub fn is_solved(self) -> bool {
+        match self {
+            Self::Converged | Self::Rounded | Self::Prepared => true,
+            Self::IterationLimit
+            | Self::Deadline
+            | Self::Kept
+            | Self::Replaced
+            | Self::InfeasibleQp
+            | Self::Stalled
+            | Self::NumericalTrouble
+            | Self::BadArgument => false,
+        }
+    }
+}
+
 /// The serialized name, as `converged`.
 impl fmt::Display for SqpStatus {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {

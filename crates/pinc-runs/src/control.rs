@@ -434,7 +434,8 @@ impl Times {
                 recording.controlled(&control, 1e6 * time)?;
             }
             if let Some(guard) = guard {
-                guard.look(control.seen(), control.u(), control.parameters())?;
+                let [x, u, p] = [control.seen(), control.u(), control.parameters()];
+                guard.look_along(control.plan(), x, u, p)?;
             }
             let advanced = control.advance();
             if let Some(recording) = &mut recording {

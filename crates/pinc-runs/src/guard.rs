@@ -11,7 +11,8 @@ use std::borrow::Cow;
 /// Beyond the box by less than this share of its width is rounding.
 const ROUNDING: f64 = 1e-9;
 
-/// Looks at each use of a net: the initial state of a step, its input, and the parameters.
+/// Looks at each use of a net: the initial state of a step and those of a plan, its input, and the
+/// parameters.
 #[derive(Debug)]
 pub(crate) struct Guard<'n> {
     net: Cow<'n, PincNet>,
@@ -71,6 +72,19 @@ impl<'n> Guard<'n> {
     /// Counts a use in the state `x` under the input `u` with the parameters `p` of the model; an
     /// error if it is to be refused.
     pub(crate) fn look(&mut self, x: &[f64], u: &[f64], p: &[f64]) -> Result<(), RunError> {
+        self.look_along(&[], x, u, p)
+    }
+
+    /// The same with the states of a plan, `[N, n]`, at whose end the net is not used.
+    pub(crate) fn look_along(
+        &mut self,
+        plan: &[f64],
+        x: &[f64],
+        u: &[f64],
+        p: &[f64],
+    ) -> Result<(), RunError> {
+        let planned = plan.len().saturating_sub(x.len());
+        let later = plan[..planned].chunks_exact(x.len());
         let [x, u, p] = self.arguments.of(x, u, p);
         let (net, p) = match &self.member {
             Some(Member { family, parameters }) => (family, &parameters[..]),
@@ -80,6 +94,10 @@ impl<'n> Guard<'n> {
         let variables = net.state_names().iter().chain(net.input_names());
         let names = variables.map(String::as_str).chain(net.parameter_names());
         let mut excesses: Vec<f64> = domain.excess(x, u, p).collect();
+        for x in later {
+            let there = domain.excess(x, u, p);
+            excesses.iter_mut().zip(there).for_each(|(most, of)| *most = most.max(of));
+        }
         if !self.ahead.values.is_empty() {
             let mut p = p.to_vec();
             for values in &self.ahead.values {

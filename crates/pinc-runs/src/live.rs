@@ -412,7 +412,8 @@ impl LiveController {
         if let Some(guard) = &mut self.guard
             && status != SqpStatus::BadArgument
         {
-            guard.look(&self.x, &self.u, self.nmpc.parameters())?;
+            let plan = if status.is_solved() { self.nmpc.plan().states() } else { &[] };
+            guard.look_along(plan, &self.x, &self.u, self.nmpc.parameters())?;
         }
         let observer = self.observer.as_ref();
         Ok(LiveStep {

@@ -234,8 +234,10 @@ pub fn nearest(word: &str, known: &[String]) -> Option<String> {
     if word.len() > 100 {
         return None;
     }
-    let similar = known.iter().map(|k| (strsim::damerau_levenshtein(word, k), k));
-    let (distance, best) = similar.min()?;
+    let distance = strsim::damerau_levenshtein;
+    let lower = word.to_lowercase();
+    let similar = known.iter().map(|k| (distance(&lower, &k.to_lowercase()), distance(word, k), k));
+    let (distance, _, best) = similar.min()?;
     // A third of the letters wrong is a misspelling; more is another word.
     (3 * distance <= word.len().max(3)).then(|| best.clone())
 }

@@ -112,12 +112,16 @@ fn the_nearest_word_has_a_third_of_its_letters_wrong_at_most() {
         ("lxx", None),
         ("lowets", Some("lowest")),
         ("", None),
+        ("LONGEST", Some("longest")),
     ] {
         assert_eq!(nearest(word, &known).as_deref(), meant, "{word}");
     }
     assert_eq!(nearest(&"l".repeat(101), &["l".repeat(101)]), None);
     assert_eq!(nearest(&"l".repeat(100), &["l".repeat(100)]), Some("l".repeat(100)));
     assert_eq!(nearest("low", &[]), None);
+    // The same letter in the other case is nearer than another one.
+    let known = ["P", "h"].map(str::to_owned);
+    assert_eq!(nearest("H", &known).as_deref(), Some("h"));
 }
 
 /// A list of the wrong length says what its entries are, by name where they have names.

@@ -36,6 +36,33 @@ fn a_loop_outside_the_domain_is_reported() {
     assert!(of("rk4").is_null(), "{metrics}");
 }
 
+/// The measured state is in the box; the plan for the reference leaves it.
+#[test]
+fn a_plan_outside_the_domain_is_reported_or_refused() {
+    for policy in ["report", "refuse"] {
+        let dir = tempfile::tempdir().unwrap();
+        std::fs::write(dir.path().join("experiment.toml"), smoke()).unwrap();
+        let mut command = pinc(&["run", "experiment.toml", "--out", "run"]);
+        for set in [
+            "domain.state_high=[0.52, 4.35]",
+            "control.references=[{ start_s = 0.0, value = [0.8, 0.0] }]",
+            "control.duration_s=0.5",
+            &format!("control.outside_domain=\"{policy}\""),
+        ] {
+            command.args(["--set", set]);
+        }
+        let outcome = outcome(command.current_dir(dir.path()));
+        if policy == "refuse" {
+            assert_eq!(outcome.code, Some(1), "{outcome:?}");
+            assert!(outcome.stderr.contains("outside its training domain: x1"), "{outcome:?}");
+        } else {
+            assert_eq!(outcome.code, Some(0), "{outcome:?}");
+            let said = "outside the training domain in 1 of 1 steps: x1";
+            assert!(outcome.stdout.contains(said), "{outcome:?}");
+        }
+    }
+}
+
 #[test]
 fn a_loop_outside_the_domain_is_ended_where_that_is_asked_for() {
     let dir = tempfile::tempdir().unwrap();
