@@ -543,8 +543,7 @@ impl Control<'_, '_> {
     ///
     /// # Errors
     ///
-    /// [`MpcError::Plant`] if the plant cannot be integrated; the loop then ends here and keeps
-    /// what it has.
+    /// [`MpcError::Plant`] if the plant cannot be integrated; the loop keeps what it has.
     pub fn advance(self) -> Result<(), MpcError> {
         let Self { run } = self;
         let m = run.nmpc.model().dims().nu;

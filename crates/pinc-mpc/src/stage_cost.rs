@@ -99,6 +99,12 @@ pub trait StageCost: Debug + Send {
     /// in its place. `out` is all 0 on entry. Nothing may be allocated if a control step is not to.
     fn quadratize(&mut self, at: StagePoint<'_>, out: &mut QuadBlock);
 
+    /// Is told the points that [`StageCost::quadratize`] will be called with next, some at a time: a cost
+    /// may compute them together.
+    fn look_ahead(&mut self, points: &[StagePoint<'_>]) {
+        let _ = points;
+    }
+
     /// Whether `quadratize` writes value and gradient only. The optimization then takes the exact
     /// Hessian of the Lagrangian in place of the Gauss-Newton Hessian: second derivatives of the
     /// cost, the model, outputs, h and g by differences of their exact gradients. Where this Hessian is

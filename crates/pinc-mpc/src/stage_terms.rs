@@ -8,6 +8,9 @@ use crate::stage_cost::{QuadBlock, StageCost, StagePoint};
 use crate::{NmpcProblem, Tracked};
 use pinc_qp::{OcpDims, Qp};
 
+/// A stage cost is told so many points ahead: the lanes of a model's vectors.
+const AHEAD: usize = 8;
+
 /// Tracked outputs, after Gauss and Newton, and the stage cost:
 ///
 /// ```text
@@ -97,12 +100,13 @@ impl StageTerms {
         qp.s_before.fill(0.0);
         qp.t.fill(0.0);
         let mut value = 0.0;
-        for node in 0..=self.dims.horizon {
-            let x = self.dims.state(node).map_or(x0, |state| &z[state]);
-            if self.cost.is_some() {
-                value += self.add_own(node, (x, z), cache, qp);
-            }
-            if node >= self.dims.n1 && !self.tracked.is_empty() {
+        if let Some(mut own) = self.cost.take() {
+            value += self.add_own(own.as_mut(), [x0, z], cache, qp);
+            self.cost = Some(own);
+        }
+        if !self.tracked.is_empty() {
+            for node in self.dims.n1..=self.dims.horizon {
+                let x = self.dims.state(node).map_or(x0, |state| &z[state]);
                 let u = &z[self.dims.input(self.dims.input_of(node - 1))];
                 self.block.clear();
                 self.track(cost.tracking_weight(node), outputs, node, [x, u], targets);
@@ -117,31 +121,39 @@ impl StageTerms {
         value
     }
 
-    /// Adds the stage cost at a node, once for each branch that follows, with its parameters; at
+    /// Adds the stage cost at all nodes, once for each branch that follows, with its parameters; at
     /// the end of a path with the parameters that led there.
     fn add_own(
         &mut self,
-        node: usize,
-        (x, z): (&[f64], &[f64]),
+        own: &mut dyn StageCost,
+        [x0, z]: [&[f64]; 2],
         cache: &LinearizationCache,
         qp: &mut Qp,
     ) -> f64 {
         let (dims, mut value) = (self.dims, 0.0);
-        let (acting, stage) = (dims.acting(node), self.nodes.depths[node]);
-        let time_s = self.time_s(stage);
-        let (u, next) = (&z[dims.input(acting)], dims.stages_from(node));
-        let last = if next.is_empty() { node - 1..node } else { next };
-        for branch in last {
-            self.block.clear();
-            let p = cache.parameters(branch);
-            let own = self.cost.iter_mut();
-            own.for_each(|own| {
-                own.quadratize(StagePoint { stage, time_s, x, u, p }, &mut self.block)
-            });
-            let part = self.nodes.weights[branch + 1];
-            value += part * self.block.value;
-            self.add_block(node, acting, part, qp);
-            self.add_cross(node, part, &mut qp.s);
+        let is_end = |node: &usize| dims.stages_from(*node).is_empty();
+        let branches = (0..dims.horizon).map(|branch| (dims.origin(branch), branch));
+        let ends = (1..=dims.horizon).filter(is_end).map(|node| (node, node - 1));
+        let mut all = branches.chain(ends).peekable();
+        while all.peek().is_some() {
+            let places: [Option<(usize, usize)>; AHEAD] = std::array::from_fn(|_| all.next());
+            let point = |place: Option<(usize, usize)>| {
+                let (node, branch) = place.unwrap_or_default();
+                let stage = self.nodes.depths[node];
+                let x = dims.state(node).map_or(x0, |state| &z[state]);
+                let (u, p) = (&z[dims.input(dims.acting(node))], cache.parameters(branch));
+                StagePoint { stage, time_s: self.time_s(stage), x, u, p }
+            };
+            let points = places.map(point);
+            own.look_ahead(&points[..places.iter().flatten().count()]);
+            for (&point, &(node, branch)) in points.iter().zip(places.iter().flatten()) {
+                self.block.clear();
+                own.quadratize(point, &mut self.block);
+                let part = self.nodes.weights[branch + 1];
+                value += part * self.block.value;
+                self.add_block(node, dims.acting(node), part, qp);
+                self.add_cross(node, part, &mut qp.s);
+            }
         }
         value
     }

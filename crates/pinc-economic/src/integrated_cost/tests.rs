@@ -82,3 +82,43 @@ fn gradients_of_the_end_are_those_of_its_cost() {
         assert_near(by_u[k], PART * x);
     }
 }
+
+/// Value and gradient at some points in turn, of a cost that is told all of them before if `ahead`.
+fn in_turn(points: &[StagePoint<'_>], ahead: bool) -> Vec<[f64; 3]> {
+    let models: Vec<(Box<dyn Model>, usize)> =
+        vec![(Box::new(Rk4::new(Costed, 0.2, 3)), 2), (Box::new(Rk4::new(Costed, 0.5, 3)), 1)];
+    let mut cost = IntegratedCost::new(models);
+    if ahead {
+        cost.look_ahead(points);
+    }
+    let mut block = QuadBlock::new(1, 1);
+    let each = points.iter().map(|&point| {
+        block.clear();
+        cost.quadratize(point, &mut block);
+        [block.value, block.by_x[0], block.by_u[0]]
+    });
+    each.collect()
+}
+
+#[test]
+fn points_that_were_linearized_together_have_their_own_numbers() {
+    let point = |stage: usize, x: &'static [f64]| {
+        StagePoint::new((stage, TIME_S + 0.2 * [0.0, 1.0, 2.0, 4.5][stage]), x, &[0.3], &[])
+    };
+    // Two stages of one model, one of another, and the end.
+    let plan = [point(0, &[0.5]), point(1, &[-0.8]), point(2, &[0.1]), point(3, &[0.7])];
+    let expected = in_turn(&plan, false);
+    assert!(expected.windows(2).all(|pair| pair[0] != pair[1]), "{expected:?}");
+    assert_eq!(in_turn(&plan, true), expected);
+    // Asked for others than was said, and of one twice.
+    let other = [plan[1], plan[0], plan[0], plan[3], plan[2]];
+    let mut cost = cost();
+    cost.look_ahead(&plan[..2]);
+    let mut block = QuadBlock::new(1, 1);
+    for (place, expected) in [(1, expected[1]), (0, expected[0]), (0, expected[0])] {
+        block.clear();
+        cost.quadratize(plan[place], &mut block);
+        assert_eq!([block.value, block.by_x[0], block.by_u[0]], expected, "{place}");
+    }
+    assert_eq!(in_turn(&other, true), in_turn(&other, false));
+}

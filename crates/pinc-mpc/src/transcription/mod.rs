@@ -415,6 +415,12 @@ impl Transcription {
             self.units.choose_cost(&self.plain.q, &self.plain.r);
         }
         if self.is_tightened() {
+            // First guesses are moved into the bounds of the last step.
+            let [ends, starts] = &mut self.output_bounds;
+            for Bounds { low, high } in [&mut self.bounds, ends, starts] {
+                let finite = low.iter_mut().chain(high).filter(|bound| bound.is_finite());
+                finite.for_each(|bound| memory.numbers(std::slice::from_mut(bound)));
+            }
             self.cache.remember(memory, horizon);
         }
     }
