@@ -8,7 +8,7 @@ use crate::solution::Solution;
 use crate::stage_cost::{QuadBlock, StagePoint};
 use crate::transcription::Transcription;
 use crate::units::Units;
-use pinc_ode::{Gradients, LinearizationBuffer, Memory, OutputLinearization, Recent, Stages};
+use pinc_ode::{Gradients, LinearizationBuffer, OutputLinearization, Recent, Stages};
 use pinc_qp::{Convexifier, Convexity, OcpDims, Qp, all_finite, symmetrize};
 
 /// A difference quotient is taken over this part of a variable's size: the cube root of the
@@ -65,7 +65,8 @@ pub(crate) struct Curvature {
     block: QuadBlock,
     /// `[n + m, n + m]`
     hessian: Vec<f64>,
-    recent: Recent,
+    /// Those of cost and model where they were computed last.
+    pub(crate) recent: Recent,
     convexifier: Convexifier,
     /// At how many points the model has been linearized.
     pub(crate) evaluated: usize,
@@ -205,8 +206,11 @@ impl Curvature {
         let stage = here.stage;
         self.set_place(horizon, of, at, here);
         if !matches!(purpose, Purpose::Judgement { anew: true }) {
-            let after = self.dims.stages_from(stage + 1).next();
-            let after = after.filter(|&after| horizon.has_one_model_for([stage, after]));
+            let weight = |stage: usize| self.nodes.weights[stage + 1].to_bits();
+            let is_alike = |after: &usize| {
+                horizon.has_one_model_for([stage, *after]) && weight(stage) == weight(*after)
+            };
+            let after = self.dims.stages_from(stage + 1).next().filter(is_alike);
             if let Some(hessian) = self.recent.find(stage, after) {
                 self.hessian.copy_from_slice(hessian);
                 return;
@@ -242,16 +246,6 @@ impl Curvature {
         let time = (time, times[depth + 1] - times[depth]);
         let all = point.chain(lambda).chain(p).chain([time]);
         self.recent.set_place(all.map(|(number, size)| (number, NEAR * size)));
-    }
-
-    /// Forgets where Hessians were computed.
-    pub(crate) fn forget(&mut self) {
-        self.recent.forget();
-    }
-
-    /// Saves or restores where Hessians were computed.
-    pub(crate) fn remember(&mut self, memory: &mut Memory<'_>) {
-        self.recent.remember(memory);
     }
 
     /// Adds what tracked and bounded outputs, h and g contribute at a node.

@@ -398,7 +398,7 @@ impl Transcription {
     /// Forgets where the model was linearized, and the units chosen there; whether these change.
     pub(crate) fn forget(&mut self) -> bool {
         self.cache.forget();
-        self.curvature.iter_mut().for_each(|of| of.forget());
+        self.curvature.iter_mut().for_each(|of| of.recent.forget());
         self.units.forget_slope();
         let changed = self.units.forget();
         if changed {
@@ -410,7 +410,7 @@ impl Transcription {
     /// Saves or restores the units, second derivatives, and what a tube follows: where the models were linearized last.
     pub(crate) fn remember(&mut self, memory: &mut Memory<'_>, horizon: &mut Horizon) {
         self.units.remember(memory);
-        self.curvature.iter_mut().for_each(|of| of.remember(memory));
+        self.curvature.iter_mut().for_each(|of| of.recent.remember(memory));
         if memory.restores() {
             self.units.choose_cost(&self.plain.q, &self.plain.r);
         }
@@ -418,8 +418,14 @@ impl Transcription {
             // First guesses are moved into the bounds of the last step.
             let [ends, starts] = &mut self.output_bounds;
             for Bounds { low, high } in [&mut self.bounds, ends, starts] {
-                let finite = low.iter_mut().chain(high).filter(|bound| bound.is_finite());
-                finite.for_each(|bound| memory.numbers(std::slice::from_mut(bound)));
+                for (side, none) in [(low, f64::NEG_INFINITY), (high, f64::INFINITY)] {
+                    for bound in side {
+                        // No file has infinity as a number.
+                        let mut number = [if bound.is_finite() { *bound } else { f64::NAN }];
+                        memory.numbers(&mut number);
+                        *bound = if number[0].is_nan() { none } else { number[0] };
+                    }
+                }
             }
             self.cache.remember(memory, horizon);
         }

@@ -41,13 +41,13 @@ fn with_tube() -> Nmpc {
     Nmpc::builder(bounded).model(Box::new(model())).tube(Box::new(tube)).build().unwrap()
 }
 
-/// The tanks with the output h1 + h2.
+/// The tanks with the output h1 + h2, and h1 + 0.4 u1 if there are two.
 #[derive(Clone, Debug)]
-struct WithSum(Rk4<FourTanks>);
+struct WithSum(Rk4<FourTanks>, usize);
 
 impl Model for WithSum {
     fn dims(&self) -> Dims {
-        self.0.dims().with_outputs(1)
+        self.0.dims().with_outputs(self.1)
     }
 
     fn sample_time_s(&self) -> f64 {
@@ -62,35 +62,46 @@ impl Model for WithSum {
         self.0.linearize(at, out);
     }
 
-    fn output(&mut self, x: &[f64], _u: &[f64], _p: &[f64], y: &mut [f64]) {
-        y[0] = x[0] + x[1];
+    fn output(&mut self, x: &[f64], u: &[f64], _p: &[f64], y: &mut [f64]) {
+        y.copy_from_slice(&[x[0] + x[1], x[0] + 0.4 * u[0]][..self.1]);
     }
 
     fn feedthrough(&self) -> Vec<bool> {
-        vec![false]
+        [false, true][..self.1].to_vec()
     }
 
     fn linearize_output(&mut self, at: Stages<'_>, out: OutputLinearization<'_>) {
-        for ((y, c), x) in out.y.iter_mut().zip(out.c.chunks_exact_mut(4)).zip(at.x.chunks_exact(4))
-        {
-            *y = x[0] + x[1];
-            c.copy_from_slice(&[1.0, 1.0, 0.0, 0.0]);
+        let ny = self.1;
+        for (k, (x, u)) in at.x.chunks_exact(4).zip(at.u.chunks_exact(2)).enumerate() {
+            self.output(x, u, &[], &mut out.y[k * ny..(k + 1) * ny]);
         }
-        out.d.fill(0.0);
+        let c = [1.0, 1.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0];
+        out.c.chunks_exact_mut(4 * ny).for_each(|rows| rows.copy_from_slice(&c[..4 * ny]));
+        let d = [0.0, 0.0, 0.4, 0.0];
+        out.d.chunks_exact_mut(2 * ny).for_each(|rows| rows.copy_from_slice(&d[..2 * ny]));
     }
 }
 
 /// The bound of the output is below what the references ask for, and a tube moves it in each step.
 fn with_tube_in_real_time() -> Nmpc {
+    let config = SqpConfig { real_time: true, ..SqpConfig::default() };
+    with_outputs(1, &[22.4], config)
+}
+
+/// The bounds of an output that depends on the input have rows at both ends of an interval.
+fn with_tube_and_an_input_in_an_output() -> Nmpc {
+    with_outputs(2, &[22.4, 11.0], SqpConfig::default())
+}
+
+fn with_outputs(ny: usize, high: &[f64], config: SqpConfig) -> Nmpc {
     let sources = Sources { boxes: vec![0.05; 4], ..Sources::default() };
     let units = vec![10.0; 4];
-    let sum = WithSum(model());
+    let sum = WithSum(model(), ny);
     let follows = TubeModel { model: Box::new(sum.clone()), more: Vec::new() };
     let tube =
         EllipsoidTube::new((sum.dims(), N), sources, Some(follows), Feedback::Riccati, units);
-    let bounded =
-        NmpcProblem { output_bounds: Some(Bounds::new(vec![0.0], vec![22.4])), ..problem() };
-    let config = SqpConfig { real_time: true, ..SqpConfig::default() };
+    let bounds = Bounds::new(vec![f64::NEG_INFINITY; ny], high.to_vec());
+    let bounded = NmpcProblem { output_bounds: Some(bounds), ..problem() };
     let builder = Nmpc::builder(bounded).model(Box::new(sum)).config(config);
     builder.tube(Box::new(tube.unwrap())).build().unwrap()
 }
@@ -121,6 +132,7 @@ fn a_controller_goes_on_as_if_it_had_never_been_saved() {
         ("in real time", in_real_time),
         ("tube", with_tube),
         ("tube in real time", with_tube_in_real_time),
+        ("tube and an input in an output", with_tube_and_an_input_in_an_output),
     ] {
         let [mut whole, mut watched] = [controller(), controller()];
         let start = vec![8.5, 13.0, 2.2, 2.2];
