@@ -6,7 +6,7 @@ use pinc_mpc::{
     Bounds, MpcError, Nmpc, NmpcProblem, SqpConfig, SqpStatus, Tracked, Weight, Weights,
 };
 use pinc_ode::{
-    Dims, Linearization, LinearizationBuffer, Model, OutputLinearizationBuffer, Stages,
+    Dims, Linearization, LinearizationBuffer, Memory, Model, OutputLinearizationBuffer, Stages,
 };
 
 /// The weight of inputs in parts of the weight of states and outputs: they settle what those leave
@@ -154,6 +154,11 @@ impl SteadyTarget {
                 }
             }
         }
+    }
+
+    /// Saves or restores where the next search begins.
+    pub fn remember(&mut self, memory: &mut Memory<'_>) {
+        self.nmpc.remember(memory);
     }
 
     /// The last row that was asked for, and what can be held of it.

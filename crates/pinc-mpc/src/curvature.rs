@@ -32,9 +32,8 @@ pub const LEAST_SIZE: f64 = 1e-9;
 /// ```
 ///
 /// by differences of its gradient, which is exact. At a kink, where the difference quotients of the
-/// two sides disagree, the smaller one counts. Those of cost and model count again where a stage is near
-/// the place at which they were computed: most of a plan hardly moves from one program, or from one
-/// control step, to the next.
+/// two sides disagree, the smaller one counts. Those of cost and model count again near the place where
+/// they were computed: most of a plan hardly moves from one program, or control step, to the next.
 #[derive(Debug)]
 pub(crate) struct Curvature {
     dims: OcpDims,
@@ -78,6 +77,8 @@ pub(crate) struct At<'a> {
     pub(crate) x0: &'a [f64],
     pub(crate) plan: &'a Solution,
     pub(crate) targets: Targets<'a>,
+    /// Whether recent ones do not count.
+    pub(crate) anew: bool,
 }
 
 /// What the exact Hessian is for.
@@ -87,9 +88,8 @@ pub(crate) enum Purpose {
     Step { settled: bool, convexity: Convexity },
     /// A step of the barrier method, which makes the program convex itself.
     Barrier,
-    /// To see whether the plan is a minimum, by second derivatives that are computed `anew` or by recent
-    /// ones.
-    Judgement { anew: bool },
+    /// To see whether the plan is a minimum.
+    Judgement,
 }
 
 /// The state and the input of some terms.
@@ -164,7 +164,7 @@ impl Curvature {
             }
             let (node, input) = (dims.origin(stage), dims.input_of(stage));
             let here = Place { node, input, stage, before: false };
-            self.find_hessian(horizon, of, at, here, purpose);
+            self.find_hessian(horizon, of, at, here);
             self.add_hessian(here, &of.units, qp);
             if dims.feedthrough > 0 && self.weigh_rows(of, at, stage + 1, true) {
                 self.spread(of, at, here);
@@ -190,7 +190,7 @@ impl Curvature {
                 self.convexifier.apply(qp, settled.then_some(multipliers), convexity)
             }
             Purpose::Barrier => false,
-            Purpose::Judgement { .. } => self.convexifier.finds_descent(qp, multipliers),
+            Purpose::Judgement => self.convexifier.finds_descent(qp, multipliers),
         })
     }
 
@@ -201,11 +201,10 @@ impl Curvature {
         of: &mut Transcription,
         at: At<'_>,
         here: Place,
-        purpose: Purpose,
     ) {
         let stage = here.stage;
         self.set_place(horizon, of, at, here);
-        if !matches!(purpose, Purpose::Judgement { anew: true }) {
+        if !at.anew {
             let weight = |stage: usize| self.nodes.weights[stage + 1].to_bits();
             let is_alike = |after: &usize| {
                 horizon.has_one_model_for([stage, *after]) && weight(stage) == weight(*after)
@@ -229,22 +228,19 @@ impl Curvature {
     /// Writes what the Hessian of a stage depends on: (x, u), the multipliers of its dynamics, p, and
     /// the time where a cost knows it.
     fn set_place(&mut self, horizon: &Horizon, of: &Transcription, at: At<'_>, here: Place) {
-        let (dims, z) = (self.dims, &at.plan.z);
+        let (dims, z, sizes) = (self.dims, &at.plan.z, &self.sizes);
         let (x, u) = (dims.state(here.node).map_or(at.x0, |x| &z[x]), &z[dims.input(here.input)]);
-        let (n, sizes) = (dims.nx, &self.sizes);
         let lambda = &at.plan.multipliers.dynamics[dims.next_state(here.stage)];
-        let lambda = || (0..n).map(|i| of.units.plain_multiplier(i, lambda[i]));
+        let lambda = || (0..dims.nx).map(|i| of.units.plain_multiplier(i, lambda[i]));
         let largest =
             lambda().zip(sizes).fold(0.0_f64, |most, (l, size)| most.max((l * size).abs()));
-        let times = horizon.times();
-        let depth = self.nodes.depths[here.node];
+        let (times, depth) = (horizon.times(), self.nodes.depths[here.node]);
         let terms = of.terms.as_ref().filter(|terms| terms.leaves_out_hessian());
         let time = terms.map_or(0.0, |terms| terms.time_s(depth));
         let p = of.parameters(here.stage, false).iter().map(|p| (*p, p.abs()));
         let point = x.iter().chain(u).copied().zip(sizes.iter().copied());
         let lambda = lambda().zip(sizes).map(|(l, size)| (l, largest / size));
-        let time = (time, times[depth + 1] - times[depth]);
-        let all = point.chain(lambda).chain(p).chain([time]);
+        let all = point.chain(lambda).chain(p).chain([(time, times[depth + 1] - times[depth])]);
         self.recent.set_place(all.map(|(number, size)| (number, NEAR * size)));
     }
 

@@ -73,6 +73,6 @@ pub use tables::{
     TrialColumn, TrialMetric, TrialStatus, TrialTable, UnknownMetric, fixed_table,
     read_fixed_table,
 };
-pub use times::{StepTimes, WallTimes};
+pub use times::{StepTimes, WallTimes, median, to_f64};
 pub use verdict::{advice, significant};
 pub use violation::ViolationMetrics;

@@ -37,6 +37,18 @@ impl WallTimes {
     }
 }
 
+/// The median of at least one number.
+#[must_use]
+pub fn median(values: &[f64]) -> f64 {
+    WallTimes::of(values.to_vec()).median
+}
+
+/// A number of points or operations.
+#[must_use]
+pub fn to_f64(n: u64) -> f64 {
+    n as f64
+}
+
 /// Statistics over all steps of all repetitions, in microseconds.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct StepTimes {

@@ -1,6 +1,5 @@
 //! Timing.
 
-use pinc_record::WallTimes;
 use std::time::{Duration, Instant};
 
 /// Repetitions of which a median is taken, at least.
@@ -21,17 +20,6 @@ pub fn time(work: impl FnOnce()) -> f64 {
     let clock = Instant::now();
     work();
     clock.elapsed().as_secs_f64()
-}
-
-/// The median of at least one number.
-pub fn median(values: &[f64]) -> f64 {
-    WallTimes::of(values.to_vec()).median
-}
-
-/// A number of points or operations.
-#[must_use]
-pub fn to_f64(n: u64) -> f64 {
-    n as f64
 }
 
 /// A moment until which there is time.

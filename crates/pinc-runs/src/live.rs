@@ -7,7 +7,7 @@ use super::model_error::{self, SharedLog};
 use super::{LoopSetup, feedback};
 use crate::RunError;
 use crate::clock::Deadline;
-use pinc_config::{ControlSpec, Experiment, ModelKind, Variables, sha256};
+use pinc_config::{ControlSpec, Experiment, ModelKind, OutsidePolicy, Variables, sha256};
 use pinc_estimate::{Augmentation, Estimator, EstimatorStatus, SteadyTarget};
 use pinc_mpc::{BoundSchedule, Nmpc, Reference, Solution, SqpStatus, Trust};
 use pinc_ode::{DynPlant, Memory};
@@ -219,6 +219,7 @@ impl LiveController {
         memory.count(&mut self.done, usize::MAX);
         if let Some(observer) = &mut self.observer {
             observer.estimator.remember(memory);
+            observer.target.iter_mut().for_each(|target| target.remember(memory));
         }
     }
 
@@ -373,6 +374,10 @@ impl LiveController {
         if let Some(us) = budget_us.filter(|us| !(*us > 0.0 && us.is_finite())) {
             return Err(argument("budget_us", us, "a positive time in us"));
         }
+        let mut before = Vec::new();
+        if self.spec.outside_domain == OutsidePolicy::Refuse && self.guard.is_some() {
+            self.remember(&mut Memory::save(&mut before));
+        }
         self.made = None;
         self.write_window(follow);
         let clock = Instant::now();
@@ -413,7 +418,11 @@ impl LiveController {
             && status != SqpStatus::BadArgument
         {
             let plan = if status.is_solved() { self.nmpc.plan().states() } else { &[] };
-            guard.look_along(plan, &self.x, &self.u, self.nmpc.parameters())?;
+            let looked = guard.look_along(plan, &self.x, &self.u, self.nmpc.parameters());
+            if looked.is_err() {
+                self.remember(&mut Memory::restore(&before));
+            }
+            looked?;
         }
         let observer = self.observer.as_ref();
         Ok(LiveStep {

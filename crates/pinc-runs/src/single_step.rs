@@ -1,11 +1,11 @@
 //! One step of a model: how wrong it is over a domain, and how long it takes.
 
 use crate::RunError;
-use crate::clock::{for_seconds, median, time, to_f64};
+use crate::clock::{for_seconds, time};
 use pinc_net::{Domain, Points, Sampler};
 use pinc_ode::metrics::mean_squared_error;
 use pinc_ode::{Dims, DynPlant, Integrator, LinearizationBuffer, Model, Simulator, Stages};
-use pinc_record::StepErrors;
+use pinc_record::{StepErrors, median, to_f64};
 use std::hint::black_box;
 use std::ops::Range;
 

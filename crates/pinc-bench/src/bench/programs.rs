@@ -6,7 +6,7 @@ use super::results::QpTime;
 use pinc_config::ModelKind;
 use pinc_mpc::{Nmpc, QpMethod};
 use pinc_ode::{Dims, Gradients, Linearization, Model, Stages};
-use pinc_runs::clock::{median, to_f64};
+use pinc_record::{median, to_f64};
 use pinc_runs::{LoopSetup, RunError};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};

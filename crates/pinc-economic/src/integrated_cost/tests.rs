@@ -83,8 +83,12 @@ fn gradients_of_the_end_are_those_of_its_cost() {
     }
 }
 
+fn bits(block: &QuadBlock) -> [u64; 3] {
+    [block.value, block.by_x[0], block.by_u[0]].map(f64::to_bits)
+}
+
 /// Value and gradient at some points in turn, of a cost that is told all of them before if `ahead`.
-fn in_turn(points: &[StagePoint<'_>], ahead: bool) -> Vec<[f64; 3]> {
+fn in_turn(points: &[StagePoint<'_>], ahead: bool) -> Vec<[u64; 3]> {
     let models: Vec<(Box<dyn Model>, usize)> =
         vec![(Box::new(Rk4::new(Costed, 0.2, 3)), 2), (Box::new(Rk4::new(Costed, 0.5, 3)), 1)];
     let mut cost = IntegratedCost::new(models);
@@ -95,7 +99,7 @@ fn in_turn(points: &[StagePoint<'_>], ahead: bool) -> Vec<[f64; 3]> {
     let each = points.iter().map(|&point| {
         block.clear();
         cost.quadratize(point, &mut block);
-        [block.value, block.by_x[0], block.by_u[0]]
+        bits(&block)
     });
     each.collect()
 }
@@ -118,7 +122,7 @@ fn points_that_were_linearized_together_have_their_own_numbers() {
     for (place, expected) in [(1, expected[1]), (0, expected[0]), (0, expected[0])] {
         block.clear();
         cost.quadratize(plan[place], &mut block);
-        assert_eq!([block.value, block.by_x[0], block.by_u[0]], expected, "{place}");
+        assert_eq!(bits(&block), expected, "{place}");
     }
     assert_eq!(in_turn(&other, true), in_turn(&other, false));
 }

@@ -389,7 +389,7 @@ impl Sqp {
             if self.hessian.current() == Hessian::Exact {
                 let convexity = self.hessian.convexity();
                 let purpose = Purpose::Step { settled: self.settled, convexity };
-                match self.curve(model, input, plan, purpose, expired) {
+                match self.curve(model, input, plan, (purpose, slow), expired) {
                     Some(dropped) => self.dropped = dropped,
                     None => break SqpStatus::Deadline,
                 }
@@ -454,12 +454,12 @@ impl Sqp {
         };
         let mut has_descent = |anew: bool| {
             self.transcription.measure(input.x0, &plan.z, input.targets, &mut self.qp);
-            self.curve(model, input, plan, Purpose::Judgement { anew }, expired).unwrap_or(true)
+            self.curve(model, input, plan, (Purpose::Judgement, anew), expired).unwrap_or(true)
         };
         let is_judged = status == SqpStatus::Converged && always;
         let curvature_dropped = is_judged && [false, true].into_iter().all(&mut has_descent);
-        let (last, cost) = (point.kkt, self.transcription.units.plain_cost(point.cost));
-        let violated = None;
+        let (last, violated, cost) =
+            (point.kkt, None, self.transcription.units.plain_cost(point.cost));
         let outcome =
             Outcome { status, iterations, last, violated, plan_state, curvature_dropped, cost };
         self.finalize(outcome, plan, conflict)
@@ -472,10 +472,10 @@ impl Sqp {
         model: &mut Horizon,
         input: StepInput<'_>,
         plan: &Solution,
-        purpose: Purpose,
+        (purpose, anew): (Purpose, bool),
         expired: &mut dyn FnMut() -> bool,
     ) -> Option<bool> {
-        let at = At { x0: input.x0, plan, targets: input.targets };
+        let at = At { x0: input.x0, plan, targets: input.targets, anew };
         self.transcription.curve(model, at, (&self.qp, &mut self.curved), purpose, expired)
     }
 

@@ -415,18 +415,7 @@ impl Transcription {
             self.units.choose_cost(&self.plain.q, &self.plain.r);
         }
         if self.is_tightened() {
-            // First guesses are moved into the bounds of the last step.
-            let [ends, starts] = &mut self.output_bounds;
-            for Bounds { low, high } in [&mut self.bounds, ends, starts] {
-                for (side, none) in [(low, f64::NEG_INFINITY), (high, f64::INFINITY)] {
-                    for bound in side {
-                        // No file has infinity as a number.
-                        let mut number = [if bound.is_finite() { *bound } else { f64::NAN }];
-                        memory.numbers(&mut number);
-                        *bound = if number[0].is_nan() { none } else { number[0] };
-                    }
-                }
-            }
+            self.remember_bounds(memory);
             self.cache.remember(memory, horizon);
         }
     }

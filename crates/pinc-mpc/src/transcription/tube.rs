@@ -1,8 +1,10 @@
 //! Bounds that a tube tightens.
 
 use super::{Transcription, output_limits, split_rows};
+use crate::Bounds;
 use crate::horizon::Horizon;
 use crate::outputs::Outputs;
+use pinc_ode::Memory;
 use pinc_qp::Qp;
 use pinc_tube::{Tightened, Tightening, Tube};
 
@@ -87,6 +89,19 @@ impl Transcription {
         let bounds = [&mut self.bounds, ends, starts];
         tightening.tighten(along, bounds.map(|of| [&mut of.low[..], &mut of.high]));
         true
+    }
+
+    /// Saves or restores the bounds of the last step, into which first guesses are moved.
+    pub(super) fn remember_bounds(&mut self, memory: &mut Memory<'_>) {
+        let [ends, starts] = &mut self.output_bounds;
+        for Bounds { low, high } in [&mut self.bounds, ends, starts] {
+            for bound in low.iter_mut().chain(high) {
+                // JSON has no infinity.
+                let mut number = [bound.clamp(f64::MIN, f64::MAX)];
+                memory.numbers(&mut number);
+                *bound = number[0] * if number[0].abs() < f64::MAX { 1.0 } else { f64::INFINITY };
+            }
+        }
     }
 
     /// Writes the limits of outputs anew into a program that is linearized already.

@@ -1,12 +1,13 @@
 //! The times of a closed loop's models on this machine.
 
 use crate::RunError;
-use crate::clock::{for_seconds, median, time, to_f64};
+use crate::clock::{for_seconds, time};
 use crate::control::LoopSetup;
 use pinc_check::{Cost, Metered, ModelCost};
 use pinc_config::{ControlSpec, Experiment, ModelKind};
 use pinc_net::PincNet;
 use pinc_ode::{DynPlant, LinearizationBuffer, Model, Stages};
+use pinc_record::{median, to_f64};
 use std::hint::black_box;
 
 /// How long each call is measured, in s.

@@ -1,6 +1,9 @@
 //! A closed loop that uses its net outside the training domain: reported, or ended.
 
 use crate::common::{Outcome, outcome, pinc, smoke};
+use crate::ways::Served;
+use pinc_config::ModelKind;
+use serde_json::json;
 use std::path::Path;
 
 /// Trains the smoke config on a box that the closed loop begins outside of, x1 = 0.5, and runs the
@@ -78,6 +81,32 @@ fn a_loop_outside_the_domain_is_ended_where_that_is_asked_for() {
     let loops = metrics["control"].as_array().unwrap();
     let [rk4] = &loops[..] else { panic!("{metrics}") };
     assert_eq!(rk4["model"], "rk4", "{metrics}");
+}
+
+/// A served controller answers with an error, and goes on as if it had not been asked.
+#[test]
+fn a_step_that_is_refused_changes_nothing() {
+    let dir = tempfile::tempdir().unwrap();
+    let config = dir.path().join("smoke.toml");
+    std::fs::write(&config, smoke()).unwrap();
+    let mut train = pinc(&["train", "smoke.toml", "--quiet", "--out", "net"]);
+    assert_eq!(outcome(train.current_dir(dir.path())).code, Some(0));
+    let model = dir.path().join("net/model.safetensors");
+    let refuse = "control.outside_domain=\"refuse\"";
+    let more = ["--model", model.to_str().unwrap(), "--set", refuse];
+    let [mut asked, mut plain] = [0, 1].map(|_| Served::of(&config, ModelKind::Pinc, &more));
+    let u = |served: &mut Served, x: f64| {
+        served.ask(&json!({ "y": [x, 0.0] }))["u"][0].as_f64().unwrap()
+    };
+    assert!((u(&mut asked, 0.5) - u(&mut plain, 0.5)).abs() < 1e-12);
+    let refused = asked.ask(&json!({ "y": [5.0, 0.0] }));
+    let said = refused["error"].as_str().unwrap();
+    assert!(said.contains("outside its training domain: x1 is 2.00 beyond"), "{said}");
+    let states = [&mut asked, &mut plain].map(|of| of.ask(&json!({ "command": "save" })));
+    assert_eq!(states[0], states[1]);
+    assert!((u(&mut asked, 0.3) - u(&mut plain, 0.3)).abs() < 1e-12);
+    asked.end();
+    plain.end();
 }
 
 /// Recorded inputs that leave the box by 0.5 in three of eleven steps: identification and estimator

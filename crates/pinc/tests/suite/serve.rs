@@ -269,6 +269,26 @@ disturbance_sd = [0.01]
 disturbance_initial_sd = [0.1]
 "#;
 
+/// The search for the target goes on where it was.
+#[test]
+fn a_restored_controller_with_a_target_goes_on_to_the_same_bits() {
+    let dir = tempfile::tempdir().unwrap();
+    let config = dir.path().join("experiment.toml");
+    std::fs::write(&config, WITHOUT_REST).unwrap();
+    let sets = ["--set", "control.input_low=[-3.0]"];
+    let mut whole = Served::of(&config, ModelKind::RK4, &sets);
+    for k in 0..6 {
+        let mut restored = Served::of(&config, ModelKind::RK4, &sets);
+        let state = whole.ask(&json!({ "command": "save" }))["state"].clone();
+        restored.ask(&json!({ "command": "restore", "state": state }));
+        let measured = json!({ "y": [-1.0 + 0.07 * f64::from(k)] });
+        let expected = whole.ask(&measured)["u"].clone();
+        assert_eq!(restored.ask(&measured)["u"], expected, "{k}");
+        restored.end();
+    }
+    whole.end();
+}
+
 /// A loop counts the steps in which an answer says so.
 #[test]
 fn an_answer_says_whether_a_target_was_found() {

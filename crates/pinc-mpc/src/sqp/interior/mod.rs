@@ -184,7 +184,7 @@ impl Sqp {
     ) -> Option<Point> {
         barrier.measure(&self.qp);
         barrier.lower_tau();
-        self.curve(model, input, plan, Purpose::Barrier, expired)?;
+        self.curve(model, input, plan, (Purpose::Barrier, false), expired)?;
         let mut length = barrier.direct(&mut self.curved, &mut self.step.d, expired)?;
         let [start, slope] = barrier.begin_search(&self.qp, &self.step.d, from.cost);
         self.base.copy_from(plan);
