@@ -30,8 +30,7 @@ pub struct StepReport<'a> {
     /// at best, and is not known to be a minimum. Only steps that keep active limits active count. Only
     /// with a stage cost that leaves its Hessian to the optimization.
     pub curvature_dropped: bool,
-    /// The cost J of the plan, with what violations of soft constraints cost, if the plan is `followed`;
-    /// otherwise NaN.
+    /// The cost J of the plan, with that of violations, if it is `followed`; otherwise NaN.
     pub cost: f64,
     /// From which of [`SqpConfig::starts`](crate::SqpConfig) the plan was found, 0 being the start
     /// without others, in a step that tried several.

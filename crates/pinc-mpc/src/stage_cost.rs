@@ -99,8 +99,7 @@ pub trait StageCost: Debug + Send {
     /// in its place. `out` is all 0 on entry. Nothing may be allocated if a control step is not to.
     fn quadratize(&mut self, at: StagePoint<'_>, out: &mut QuadBlock);
 
-    /// Is told the points that [`StageCost::quadratize`] will be called with next, some at a time: a cost
-    /// may compute them together.
+    /// Is told some points that `quadratize` is called with next: a cost may compute them together.
     fn look_ahead(&mut self, points: &[StagePoint<'_>]) {
         let _ = points;
     }

@@ -60,13 +60,8 @@ impl Merit {
     }
 }
 
-/// What the violations of soft rows cost at the point that `qp` is linearized at.
-pub(crate) fn price_of_violations(qp: &Qp) -> f64 {
-    qp.limits().into_iter().map(|(_, limits)| violations(limits, std::iter::repeat(&0.0))).sum()
-}
-
 /// How far 0 is outside, times the weights.
-fn violations<'w>(limits: &Limits, weights: impl IntoIterator<Item = &'w f64>) -> f64 {
+pub(crate) fn violations<'w>(limits: &Limits, weights: impl IntoIterator<Item = &'w f64>) -> f64 {
     let rows = limits.iter().zip(weights);
     rows.map(|([low, high, penalty], &sigma)| {
         let outside = low.max(-high).max(0.0);

@@ -3,7 +3,7 @@
 use super::hessian::Hessian;
 use super::{Outcome, PlanState, Sqp};
 use crate::kkt::KktResidual;
-use crate::merit::limits_after;
+use crate::merit::{limits_after, violations};
 use crate::solution::Solution;
 use crate::transcription::admit_given;
 use crate::{NmpcProblem, Softness, SqpStatus};
@@ -71,6 +71,13 @@ impl Sqp {
         found.rows.copy_from_slice(&self.qp.rows.penalty);
         self.transcription.units.convert(&mut found, true);
         (qp.bounds.penalty, qp.rows.penalty) = (found.bounds, found.rows);
+    }
+
+    /// What violations of soft constraints cost at the last plan that was evaluated.
+    pub(super) fn price_of_violations(&self) -> f64 {
+        let limits = self.qp.limits().into_iter().filter(|_| self.is_soft);
+        let price = limits.map(|(_, limits)| violations(limits, std::iter::repeat(&0.0))).sum();
+        self.transcription.units.plain_cost(price)
     }
 
     /// Judges the end by the problem's own hard constraints, and adds to the cost what violations of soft

@@ -12,11 +12,11 @@ use crate::cost::Targets;
 use crate::curvature::{At, Purpose};
 use crate::horizon::Horizon;
 use crate::kkt::KktResidual;
-use crate::merit::{Merit, price_of_violations};
+use crate::merit::Merit;
 use crate::solution::Solution;
 use crate::stage_cost::StageCost;
 use crate::transcription::Transcription;
-use crate::{BoundSchedule, MpcError, NmpcProblem, SqpConfig, SqpStatus, StepWork};
+use crate::{BoundSchedule, MpcError, NmpcProblem, Softness, SqpConfig, SqpStatus, StepWork};
 use hessian::{Hessian, HessianChoice};
 use interior::{Interior, Phase};
 use pinc_ode::Memory;
@@ -77,6 +77,8 @@ pub(crate) struct Sqp {
     penalties: [Vec<f64>; 2],
     /// Which bounds and rows stay soft where they have to be.
     exact: [Vec<bool>; 2],
+    /// Whether the problem has soft constraints.
+    is_soft: bool,
     /// Whether hard constraints are soft for now.
     elastic: bool,
     /// The last weight of their violations, and whether it stays: plans of one step are compared by it.
@@ -124,6 +126,8 @@ impl Sqp {
         let qp = transcription.qp();
         let dims = qp.dims;
         let hessian = config.hessian.resolve(problem);
+        let kinds =
+            [&problem.state_softness, &problem.output_softness, &problem.constraint_softness];
         let exact = HessianChoice::of(hessian, transcription.leaves_out_hessian()).may_be_exact();
         Ok(Self {
             config: SqpConfig { hessian, ..config },
@@ -137,6 +141,7 @@ impl Sqp {
             work: vec![0.0; dims.unknowns()],
             penalties: [qp.bounds.penalty.clone(), qp.rows.penalty.clone()],
             exact: elastic::exact(problem, dims),
+            is_soft: kinds.iter().any(|of| **of != Softness::Hard),
             elastic: false,
             weight: None,
             keeps_weight: false,
@@ -545,11 +550,6 @@ impl Sqp {
         let transcription = &self.transcription;
         let several = self.config.starts > 1 || transcription.leaves_out_hessian();
         several && !transcription.is_tightened()
-    }
-
-    /// What violations of soft constraints cost at the last plan that was evaluated.
-    fn price_of_violations(&self) -> f64 {
-        self.transcription.units.plain_cost(price_of_violations(&self.qp))
     }
 
     /// Writes the plan that the last step started from.
