@@ -16,7 +16,7 @@ use pinc_qp::{Convexifier, Convexity, OcpDims, Qp, all_finite, symmetrize};
 const STEP: f64 = 6e-6;
 
 /// Second derivatives count again where nothing that they depend on has moved by more than this part of
-/// its size. The programs are then as many as with those of their own place; with 1e-3 they are 2 % more.
+/// its size: programs are then as many as with those of their own place, which they are not with 1e-3.
 const NEAR: f64 = 1e-4;
 
 /// A variable whose size only the plan shows is at least this large.

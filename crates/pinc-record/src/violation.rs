@@ -74,13 +74,18 @@ impl ViolationMetrics {
         self.at_steps * self.share <= VISIBLE * self.amount
     }
 
+    /// The unit as it follows a number: after a space, if there is one.
+    pub(crate) fn unit_after_number(&self) -> String {
+        match &*self.unit {
+            "" => String::new(),
+            unit => format!(" {unit}"),
+        }
+    }
+
     /// The violation in words, as `0.031 m above 1 m at 3.2 s`.
     #[must_use]
     pub fn shown(&self, time_unit: Option<TimeUnit>) -> String {
-        let unit = match &*self.unit {
-            "" => String::new(),
-            unit => format!(" {unit}"),
-        };
+        let unit = self.unit_after_number();
         let side = if self.side == "low" { "below" } else { "above" };
         format!(
             "{}{unit} {side} {}{unit} at {}",

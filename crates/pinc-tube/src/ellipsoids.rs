@@ -93,7 +93,8 @@ struct Work {
 
 impl EllipsoidTube {
     /// The tube of plans with `stages` stages of a controller's model of dimensions `dims`. The
-    /// `model` is needed for intervals and for bounds on outputs.
+    /// `model` is needed for intervals and for bounds on outputs. `units`, `[n]`, are the sizes of
+    /// deviations of the states that count the same.
     ///
     /// # Errors
     ///

@@ -172,20 +172,20 @@ impl StageCost for IntegratedCost {
         block: &mut QuadBlock,
         [by_x, by_u]: [&mut [f64]; 2],
     ) -> bool {
-        let (Dims { nx, np, .. }, points) = (self.dims, self.extend(at));
-        let (n, all) = (nx - 2, points * nx);
-        let Self { models, at: extended, p, weights, by_extended, found, .. } = self;
-        let Some((stage, _)) = models.iter_mut().find(|(_, end)| at.stage < *end) else {
+        let Some(model) = self.model_of(at.stage) else {
             self.gradients_one_by_one(at, part, block, [by_x, by_u]);
             return false;
         };
+        let (Dims { nx, np, .. }, points) = (self.dims, self.extend(at));
+        let (n, all) = (nx - 2, points * nx);
+        let Self { models, at: extended, p, weights, by_extended, found, .. } = self;
         for weights in weights.chunks_exact_mut(nx) {
             weights[..n].copy_from_slice(lambda);
             weights[n + 1] = part;
         }
         let stages = Stages { x: &extended[..all], u: at.u, p: &p[..points * np] };
         let out = Gradients { x: &mut by_extended[..all], u: by_u, p: &mut [] };
-        found.gradients(stage.as_mut(), stages, &weights[..all], out);
+        found.gradients(models[model].0.as_mut(), stages, &weights[..all], out);
         for (to, from) in by_x.chunks_exact_mut(n).zip(by_extended.chunks_exact(nx)) {
             to.copy_from_slice(&from[..n]);
         }

@@ -182,7 +182,8 @@ impl ViolationMetrics {
         let when = if is_between {
             "between control steps".to_owned()
         } else if self.at_steps < 0.995 * self.amount {
-            format!("at control steps, by up to {} there", significant(self.at_steps))
+            let most = significant(self.at_steps);
+            format!("at control steps, by up to {most}{} there", self.unit_after_number())
         } else {
             "at control steps".to_owned()
         };

@@ -159,7 +159,7 @@ fn a_broken_hard_bound_is_named_with_its_unit_and_time() {
     }
     let at_steps =
         notes(&[ViolationMetrics { side: "low".to_owned(), ..broken(0.046, 0.04, true) }]);
-    let said = "at control steps, by up to 0.0400 there: it was 0.0460 V below";
+    let said = "at control steps, by up to 0.0400 V there: it was 0.0460 V below";
     assert!(at_steps[0].contains(said), "{at_steps:?}");
     let most_at_steps = notes(&[broken(0.046, 0.046, true)]);
     assert!(most_at_steps[0].contains("at control steps: it was 0.0460 V"), "{most_at_steps:?}");
