@@ -19,8 +19,9 @@ const REST: f64 = 100.0;
 /// large velocity a rounding error away from rest.
 const AT_REST: f64 = 1e-8;
 
-/// Distance from a value to be held, in widths of the region, that still counts as held: values are
-/// given with some three digits.
+/// Distance from a value to be held that still counts as held, in widths of the region, or of what the
+/// inputs move the state by if that is less: values are given with some three digits, and bounds of a state
+/// may be anywhere beyond.
 const HELD: f64 = 1e-3;
 
 /// A state that moves so many widths of the region has another unit.
@@ -73,6 +74,8 @@ pub struct SteadyStateSearch<'a> {
     region: &'a Region,
     /// The units of the variables.
     widths: Vec<f64>,
+    /// The sizes of the states, by which it is judged whether values are held.
+    sizes: Vec<f64>,
     seed: u64,
     near: OperatingPoint,
 }
@@ -81,8 +84,17 @@ impl<'a> SteadyStateSearch<'a> {
     /// A search near the middle of `region`.
     #[must_use]
     pub fn new(plant: &'a dyn DynRhs, region: &'a Region, seed: u64) -> Self {
-        let widths = reach(plant, region).unwrap_or_else(|| region.widths());
-        Self { plant, region, widths, seed, near: region.centre() }
+        let (mut widths, mut sizes) = (region.widths(), region.widths());
+        let moves = moves_at_rest(plant, region).unwrap_or_default();
+        for ((width, size), moved) in widths.iter_mut().zip(&mut sizes).zip(moves) {
+            if moved > WIDE * *width {
+                *width = moved;
+            }
+            if moved > 0.0 {
+                *size = size.min(moved);
+            }
+        }
+        Self { plant, region, widths, sizes, seed, near: region.centre() }
     }
 
     /// Searches near another point, for instance the state that a plant starts from.
@@ -159,8 +171,7 @@ impl<'a> SteadyStateSearch<'a> {
         let mut nearest: Option<(f64, OperatingPoint)> = None;
         for start in starts {
             let Some(point) = self.descend(held, ends, start) else { continue };
-            let miss =
-                held.iter().map(|&(i, value)| (point.x[i] - value).abs() / self.region.width(i));
+            let miss = held.iter().map(|&(i, value)| (point.x[i] - value).abs() / self.sizes[i]);
             let miss = miss.fold(0.0, f64::max);
             let (list, cost) = if miss <= HELD {
                 (&mut met, self.region.distance(&point, &self.near))
@@ -215,25 +226,17 @@ impl<'a> SteadyStateSearch<'a> {
     }
 }
 
-/// The widths of the region, or how far states move at rest while the inputs go over it, to first order in
-/// its middle, where that is much more: a state without bounds has a width that says nothing. `None` where that
-/// is not to be had.
-fn reach(plant: &dyn DynRhs, region: &Region) -> Option<Vec<f64>> {
+/// How far states move at rest while the inputs go over the region, to first order in its middle: the width
+/// of a state without bounds, or with wide ones, says nothing. `None` where that is not to be had.
+fn moves_at_rest(plant: &dyn DynRhs, region: &Region) -> Option<Vec<f64>> {
     let n = region.dims.nx;
-    let mut widths = region.widths();
+    let widths = region.widths();
     let j = jacobian(plant, &region.centre());
     let by_inputs = Mat::from_fn(n, j.ncols() - n, |i, k| j[(i, n + k)] * widths[n + k]);
     let moved = j.subcols(0, n).to_owned().partial_piv_lu().solve(by_inputs);
-    for (width, row) in widths.iter_mut().zip(moved.row_iter()) {
-        let move_i: f64 = row.iter().map(|by| by.abs()).sum();
-        if !move_i.is_finite() || move_i > FAR * *width {
-            return None;
-        }
-        if move_i > WIDE * *width {
-            *width = move_i;
-        }
-    }
-    Some(widths)
+    let moves = moved.row_iter().map(|row| row.iter().map(|by| by.abs()).sum::<f64>());
+    let moves = moves.zip(&widths);
+    moves.map(|(moved, width)| (moved <= FAR * *width).then_some(moved)).collect()
 }
 
 /// Factors that turn the rate of each state into a distance: over how many widths the variables

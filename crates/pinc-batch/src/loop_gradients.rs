@@ -53,7 +53,9 @@ pub struct LoopGradient {
     /// The cost.
     pub cost: f64,
     /// The gradient in all that the controller's problem is given at every step. `State` and
-    /// `AppliedInput` are those before the first step; `Reference` is 0.
+    /// `AppliedInput` are those before the first step; `Reference` is 0. Bounds count as the
+    /// controller's only: the limits from which [`LoopCost::violations`] are measured are constants,
+    /// so that descent may tighten a bound but gains nothing by judging with a wider one.
     pub gradient: ProblemDerivative,
     /// In how many steps the plan was not differentiable.
     pub irregular: usize,

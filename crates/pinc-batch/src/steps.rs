@@ -130,7 +130,8 @@ impl NmpcBatch {
     ///
     /// # Errors
     ///
-    /// As [`NmpcBatch::steps`]; also if a state is not finite, or `by_inputs` of the wrong length.
+    /// As [`NmpcBatch::steps`]; also if `by_inputs` is of the wrong length. Where a number of a state
+    /// is not finite, the gradient is NaN.
     pub fn gradients(
         &mut self,
         at: Situations<'_>,
@@ -148,7 +149,12 @@ impl NmpcBatch {
             let before = &under_way[under_way.len() - m..];
             let mut sensitivity = Sensitivity::new(nmpc, reference, before, smoothing)?;
             let mut gradient = sensitivity.adjoint(&[], by_inputs.at(k))?;
-            let regularity = sensitivity.regularity();
+            let mut regularity = sensitivity.regularity();
+            if step.status == SqpStatus::BadArgument {
+                // There is no plan for this state.
+                gradient.values_mut().fill(f64::NAN);
+                regularity = Regularity::NotOptimal;
+            }
             let by_under_way = add_prediction(nmpc, [at.x.at(k), under_way], &mut gradient);
             Ok((step, ((regularity, gradient), by_under_way)))
         };

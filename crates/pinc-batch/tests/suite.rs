@@ -10,7 +10,7 @@ use pinc_ode::{
     AccurateIntegrator, Dims, Linearization, Model, OutputLinearization, Rk4, Simulator, Stages,
 };
 use pinc_plants::{FourTanks, VanDerPol};
-use pinc_sensitivity::{Given, Sensitivity};
+use pinc_sensitivity::{Given, Regularity, Sensitivity};
 
 fn tanks() -> Rk4<FourTanks> {
     Rk4::new(FourTanks::antonelo(), 10.0, 4)
@@ -122,6 +122,13 @@ fn gradients_match_the_controller() {
         assert_eq!(bits(gradient.values()), bits(found.gradients[k].values()), "{k}");
         assert_eq!(gradient.get(Given::State).len(), 4);
     }
+    // A state that is no number has no plan, whatever the controller planned before.
+    let x = [&x[..80], &[f64::NAN], &x[81..]].concat();
+    let found = batch.gradients(Situations { x: &x, ..at }, &[1.0, -0.5], None).unwrap();
+    let is_nan = |k: usize| found.gradients[k].values().iter().all(|v| v.is_nan());
+    assert_eq!([19, 20, 21].map(is_nan), [false, true, false]);
+    assert!(found.by_under_way[40..42].iter().all(|v| v.is_nan()));
+    assert_eq!(found.regularities[20], Regularity::NotOptimal);
 }
 
 /// A controller of [`Scaled`] whose inputs act after two steps.

@@ -29,6 +29,14 @@ const UNMOVED: f64 = 1e-9;
 /// What counts as a change where the reference does not change: this share of the region.
 const CHANGE: f64 = 0.05;
 
+/// A movement that is to be possible.
+#[derive(Clone, Copy)]
+struct Wanted {
+    far: f64,
+    /// In words.
+    what: &'static str,
+}
+
 pub(crate) fn examine(subject: &Subject<'_>) -> Vec<Finding> {
     let control = subject.experiment.control.as_ref();
     let Some(control) = control.filter(|_| subject.experiment.sample_time_s().is_some()) else {
@@ -43,8 +51,8 @@ pub(crate) fn examine(subject: &Subject<'_>) -> Vec<Finding> {
     // What none of as many inputs moves at all is said where gains are examined.
     let is_said = subject.controlled().len() <= subject.region.dims.nu;
     let is_poor = |moved: f64, wanted: f64| moved < LEAST * wanted && (moved > 0.0 || !is_said);
-    let poor = shares.filter(|(_, moved, wanted)| is_poor(*moved, *wanted));
-    let worst = poor.min_by(|a, b| (a.1 / a.2).total_cmp(&(b.1 / b.2)));
+    let poor = shares.filter(|(_, moved, wanted)| is_poor(*moved, wanted.far));
+    let worst = poor.min_by(|a, b| (a.1 / a.2.far).total_cmp(&(b.1 / b.2.far)));
     worst
         .map(|(i, moved, wanted)| finding(subject, control, i, (moved, wanted)))
         .into_iter()
@@ -55,9 +63,9 @@ fn finding(
     subject: &Subject<'_>,
     control: &ControlSpec,
     i: usize,
-    (moved, wanted): (f64, f64),
+    (moved, wanted): (f64, Wanted),
 ) -> Finding {
-    let share = moved / wanted;
+    let share = moved / wanted.far;
     let horizon = control.horizon_s(subject.step_s());
     let name = &subject.plant.states()[i].name;
     if share < UNMOVED {
@@ -67,13 +75,14 @@ fn finding(
             .change("control other states, or fewer");
     }
     let what = format!(
-        "within the prediction horizon, {}, the inputs can move {name} by {} of a change of its \
-         reference",
+        "within the prediction horizon, {}, the inputs can move {name} by {} of {}",
         subject.time(horizon),
-        short(share)
+        short(share),
+        wanted.what
     );
     let key = if control.stages_s.is_some() { "control.stages_s" } else { "control.n2" };
-    let change = match (steps_to_move(subject, control, i, ENOUGH * wanted), &control.stages_s) {
+    let change = match (steps_to_move(subject, control, i, ENOUGH * wanted.far), &control.stages_s)
+    {
         (None, _) => "another T: longer horizons of such steps move it little more".to_owned(),
         (Some(steps), Some(_)) => {
             let needed = subject.time(steps * subject.step_s());
@@ -99,7 +108,7 @@ pub(crate) fn n2_of(needed: f64, n2: String) -> String {
 }
 
 /// The largest change of the reference of each controlled state, from the start of the loop on.
-fn changes(subject: &Subject<'_>, control: &ControlSpec) -> Vec<f64> {
+fn changes(subject: &Subject<'_>, control: &ControlSpec) -> Vec<Wanted> {
     let change = |(k, &i): (usize, &usize)| {
         let mut last = control.initial_state[i];
         let mut largest = 0.0_f64;
@@ -107,7 +116,13 @@ fn changes(subject: &Subject<'_>, control: &ControlSpec) -> Vec<f64> {
             largest = largest.max((reference.value[k] - last).abs());
             last = reference.value[k];
         }
-        largest.max(CHANGE * subject.region.width(i))
+        match largest > 0.0 {
+            true => Wanted { far: largest, what: "a change of its reference" },
+            false => {
+                let far = CHANGE * subject.region.width(i);
+                Wanted { far, what: "a twentieth of its range" }
+            }
+        }
     };
     subject.controlled().iter().enumerate().map(change).collect()
 }

@@ -249,6 +249,25 @@ mod tests {
         assert!(objection(f64::NAN).is_some());
     }
 
+    /// Where no more evaluations are allowed, the worst point is one that was integrated before.
+    #[test]
+    fn the_worst_error_is_one_of_a_true_step() {
+        let text = "name = \"t\"\npreset = \"ours\"\nseed = 1\nplant = { van-der-pol = { mu = 1.0 } }\n\
+            [model]\nhorizon_s = 0.5\nhidden_layers = 1\nneurons = 4\n[domain]\nstate_low = [-3.0, -3.0]\nstate_high = [3.0, 3.0]\n\
+            input_low = [-1.0]\ninput_high = [1.0]\n";
+        let plants = pinc_config::Plants::built_in();
+        let experiment = Experiment::parse("t.toml".as_ref(), text, &[], &plants).unwrap();
+        let (plant, work) = (experiment.plant.dyn_plant(), Work::with_limit(10_000_000));
+        let mut of_box = IntegratorBox::within(&*plant, &experiment, &work).unwrap();
+        work.spend(10_000_000);
+        let found = of_box.worst(Integrator::Rk4, 1).unwrap();
+        let mut end = found.worst.x.clone();
+        let mut simulator = pinc_ode::Simulator::new(&*plant, 1e-12);
+        simulator.integrate(&mut end, &found.worst.u, 0.5).unwrap();
+        assert!((end[found.worst.state] - found.worst.truth).abs() < 1e-8, "{:?}", found.worst);
+        assert!(found.max > 1e-6, "{:?}", found.worst);
+    }
+
     /// A model is unsound if a step is unstable or wrong by more than a hundredth of the box, or has
     /// no finite end.
     #[test]

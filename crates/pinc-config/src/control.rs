@@ -192,7 +192,8 @@ pub struct ControlSpec {
     #[serde(default = "max_failed_share")]
     pub max_failed_share: f64,
     /// Band around a reference within which a controlled quantity has settled, one number per
-    /// quantity in its unit; if absent, a hundredth of its largest error at the step marks.
+    /// quantity in its unit; if absent, a hundredth of its largest error at the step marks, or 1e-4 of
+    /// the range between its bounds, up to a hundredth of its references, if that is more.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub settled_within: Option<Vec<f64>>,
     /// Substeps per T of the model `rk4`.

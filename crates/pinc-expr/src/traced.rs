@@ -21,6 +21,8 @@ pub(crate) struct Recording {
     /// Whether equations inside the equation are solved by the steps that it takes itself, and not
     /// declared.
     unrolled: bool,
+    /// Whether the equation has solved one inside by its own steps.
+    solves: bool,
     problem: Option<ExpressionProblem>,
 }
 
@@ -33,6 +35,7 @@ impl Tracer {
             algebraic: Algebraic::default(),
             first_unknown: variables,
             unrolled,
+            solves: false,
             problem: None,
         }))
     }
@@ -174,7 +177,11 @@ impl Scalar for Traced<'_> {
 
     /// A recording has no values. The iteration that asks ends, and the recording is refused.
     fn all_nonpositive(self) -> bool {
-        self.tracer.0.borrow_mut().problem.get_or_insert(ExpressionProblem::Iterates);
+        let Recording { problem, solves, .. } = &mut *self.tracer.0.borrow_mut();
+        problem.get_or_insert(match solves {
+            true => ExpressionProblem::NotListed,
+            false => ExpressionProblem::Iterates,
+        });
         true
     }
 
@@ -186,6 +193,7 @@ impl Scalar for Traced<'_> {
     ) -> Option<[Self; N]> {
         let first = start[0];
         if first.tracer.0.borrow().unrolled {
+            first.tracer.0.borrow_mut().solves = true;
             return None;
         }
         let z = first.unknowns(start, limits);

@@ -119,21 +119,21 @@ impl<'a> ClosedLoop<'a> {
     ///
     /// # Errors
     ///
-    /// [`MpcError`] if plant, reference or state do not suit the controller.
+    /// [`MpcError`] if plant, its parameters, reference or state do not suit the controller.
     pub fn new(
         nmpc: &'a mut Nmpc,
         plant: impl Into<Simulator>,
         reference: Reference,
         x: &[f64],
     ) -> Result<Self, MpcError> {
-        let plant = plant.into();
-        let (dims, given) = (nmpc.model().dims(), plant.dims());
-        let outputs = nmpc.problem().tracked.len();
-        let measured = if nmpc.problem().uses_outputs() { given.ny } else { dims.ny };
+        let (plant, problem) = (plant.into(), nmpc.problem());
+        let (dims, given, outputs) = (nmpc.model().dims(), plant.dims(), problem.tracked.len());
+        let measured = if problem.uses_outputs() { given.ny } else { dims.ny };
         for (field, expected, found) in [
             ("the plant's states", dims.nx, given.nx),
             ("the plant's inputs", dims.nu, given.nu),
             ("the plant's outputs", dims.ny, measured),
+            ("the plant's parameters", given.np, plant.parameters().len()),
             ("the reference's outputs", outputs, reference.outputs()),
         ] {
             ArgumentError::check_length(field, found, expected)?;

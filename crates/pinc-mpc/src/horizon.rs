@@ -1,7 +1,7 @@
 //! The models of the stages.
 
 use crate::MpcError;
-use crate::error::check_range;
+use crate::error::{check_range, check_setting};
 use pinc_ode::{Dims, Gradients, Linearization, LinearizationBuffer, Model, Stages};
 use pinc_qp::Tree;
 use std::ops::Range;
@@ -49,10 +49,10 @@ impl Horizon {
             if model.dims() != dims {
                 return Err(MpcError::DifferentModels);
             }
-            let first = times.len() - 1;
-            for _ in 0..count {
-                times.push(times[times.len() - 1] + model.sample_time_s());
-            }
+            let (first, length) = (times.len() - 1, model.sample_time_s());
+            let is_less = times.get(1).is_some_and(|least| length < *least);
+            check_setting("a later sample time", length, "not less than the first", !is_less)?;
+            (0..count).for_each(|_| times.push(times[times.len() - 1] + length));
             let stages = tree.first_node(first + 1) - 1..tree.first_node(first + count + 1) - 1;
             blocks.push(Block { model, stages });
         }

@@ -91,9 +91,11 @@ pub struct WorstStep {
     pub truth: f64,
 }
 
-/// A place of the search, in widths from the lower ends, and the error there.
+/// A place of the search, in widths from the lower ends, and the step from there.
 struct SearchPoint {
     place: Vec<f64>,
+    predicted: Vec<f64>,
+    truth: Vec<f64>,
     error: f64,
 }
 
@@ -181,20 +183,18 @@ impl DomainTruth {
         for &i in &order {
             let place = self.place(i);
             if found.len() < STARTS && found.iter().all(|other| apart(&other.place, &place)) {
-                found.push(SearchPoint { place, error: errors[i] });
+                let of = |all: &[f64]| all[i * n..(i + 1) * n].to_vec();
+                let (predicted, truth) = (of(&predicted), of(&self.next));
+                found.push(SearchPoint { place, predicted, truth, error: errors[i] });
             }
         }
         let most = (EVALUATIONS * self.ends.len()).min(errors.len() / STARTS);
         let climbed = found.into_iter().map(|start| self.climb(start, most, model));
         let worst = climbed.max_by(|a, b| a.error.total_cmp(&b.error)).expect("there is a point");
         let [x, u, p] = self.at(&worst.place);
-        let (mut y, mut end) = (vec![0.0; n], x.clone());
-        model.step(&x, &u, &p, &mut y);
-        // It was integrated before.
-        self.integrator.set_parameters(&p);
-        let _ = self.integrator.integrate(&mut end, &u, self.sample_time_s);
-        let (state, max) = self.largest(&y, &end);
-        let worst = WorstStep { x, u, p, state, predicted: y[state], truth: end[state] };
+        let SearchPoint { predicted, truth, .. } = worst;
+        let (state, max) = self.largest(&predicted, &truth);
+        let worst = WorstStep { x, u, p, state, predicted: predicted[state], truth: truth[state] };
         DomainError { rms, p99, max, worst, errors }
     }
 
@@ -237,16 +237,15 @@ impl DomainTruth {
         [x, u, p]
     }
 
-    /// The error at a place; 0 where the plant cannot be integrated.
-    fn error_at(&mut self, place: &[f64], model: &mut dyn Model) -> f64 {
-        let [x, u, p] = self.at(place);
-        let (mut y, mut end) = (vec![0.0; x.len()], x.clone());
+    /// The step from a place, if the plant can be integrated from there.
+    fn step_from(&mut self, place: Vec<f64>, model: &mut dyn Model) -> Option<SearchPoint> {
+        let [x, u, p] = self.at(&place);
+        let (mut predicted, mut truth) = (vec![0.0; x.len()], x.clone());
         self.integrator.set_parameters(&p);
-        if self.integrator.integrate(&mut end, &u, self.sample_time_s).is_err() {
-            return 0.0;
-        }
-        model.step(&x, &u, &p, &mut y);
-        self.largest(&y, &end).1
+        self.integrator.integrate(&mut truth, &u, self.sample_time_s).ok()?;
+        model.step(&x, &u, &p, &mut predicted);
+        let error = self.largest(&predicted, &truth).1;
+        Some(SearchPoint { place, predicted, truth, error })
     }
 
     /// A local maximum of the error, by the pattern search of Hooke and Jeeves (Journal of the ACM
@@ -279,12 +278,11 @@ impl DomainTruth {
     }
 
     fn improve(&mut self, best: &mut SearchPoint, place: Vec<f64>, model: &mut dyn Model) -> bool {
-        let error = self.error_at(&place, model);
-        let better = error > best.error;
-        if better {
-            *best = SearchPoint { place, error };
-        }
-        better
+        let step = self.step_from(place, model);
+        let better = step.filter(|step| step.error > best.error);
+        let improves = better.is_some();
+        better.into_iter().for_each(|better| *best = better);
+        improves
     }
 }
 

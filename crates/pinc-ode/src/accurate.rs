@@ -76,6 +76,11 @@ impl AccurateIntegrator {
         self.explicit.set_parameters(p);
     }
 
+    /// The parameters that are set; empty if none are.
+    pub(crate) fn parameters(&self) -> &[f64] {
+        self.explicit.parameters()
+    }
+
     /// Writes the plant's outputs h(x, u, p) into `y`.
     ///
     /// # Shapes

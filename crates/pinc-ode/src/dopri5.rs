@@ -129,6 +129,11 @@ impl Dopri5 {
         self.p.extend_from_slice(p);
     }
 
+    /// The parameters that are set; empty if none are.
+    pub(crate) fn parameters(&self) -> &[f64] {
+        &self.p
+    }
+
     /// Writes the plant's outputs h(x, u, p) into `y`.
     ///
     /// # Shapes

@@ -61,6 +61,15 @@ impl Simulator {
         }
     }
 
+    /// Returns the parameters that are set; empty if none are.
+    #[must_use]
+    pub fn parameters(&self) -> &[f64] {
+        match &self.0 {
+            Kind::Equation(integrator) => integrator.parameters(),
+            Kind::BlackBox(_) => &[],
+        }
+    }
+
     /// Writes the plant's outputs h(x, u, p) into `y`.
     ///
     /// # Shapes

@@ -21,8 +21,8 @@ pub(crate) struct Run {
     pub(crate) config_text: String,
     pub(crate) experiment: Experiment,
     pub(crate) metrics: Option<Metrics>,
-    /// Whether a training waits to be resumed.
-    pub(crate) is_unfinished: bool,
+    /// What waits to be resumed.
+    pub(crate) unfinished: Option<&'static str>,
     pub(crate) provenance: Option<Provenance>,
     pub(crate) training: Option<Vec<TrainingRow>>,
     /// The errors of the net over its domain.
@@ -104,10 +104,14 @@ impl Run {
             && experiment.sweep.is_none()
             && !metrics.as_ref().is_some_and(Metrics::has_results)
             && !dir.join(file::MODEL).exists();
+        let looped = metrics.iter().flat_map(|metrics| &metrics.control).count();
+        let in_loop = looped < control.loops.len();
+        let in_training = dir.join(file::CHECKPOINT).exists() || never_trained;
+        let of_loop = in_loop.then_some("closed loop");
         Ok(Self {
             identification: IdentificationMetrics::read(dir)?,
             residuals,
-            is_unfinished: dir.join(file::CHECKPOINT).exists() || never_trained,
+            unfinished: if in_training { Some("training") } else { of_loop },
             provenance,
             training: read_fixed_table(&dir.join(file::TRAINING))?,
             domain_error: DomainErrorTable::read(&dir.join(file::DOMAIN_ERROR))?,

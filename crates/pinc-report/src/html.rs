@@ -77,8 +77,8 @@ fn header(run: &Run) -> String {
 
 /// What is missing: the rest of an unfinished run, or files.
 fn notes(run: &Run) -> Vec<String> {
-    let unfinished = "The training is not finished: continue with --resume.";
-    let mut notes = Vec::from_iter(run.is_unfinished.then(|| unfinished.to_owned()));
+    let unfinished = |what| format!("The {what} is not finished: continue with --resume.");
+    let mut notes = Vec::from_iter(run.unfinished.map(unfinished));
     notes.extend(match run.trials {
         // What was only identified has no loops.
         None if run.identification.is_none() => missing_tables(run),

@@ -260,7 +260,7 @@ fn settled(run: &Run, of: &ControlMetrics) -> String {
         unit => TimeUnit::shown(seconds, unit),
     };
     let time = |time: &Option<f64>| time.map_or_else(|| "not".to_owned(), shown);
-    of.references.settle_s.iter().map(time).collect::<Vec<_>>().join(", ")
+    or_dash(of.references.settle_s.iter().map(time).collect::<Vec<_>>().join(", "))
 }
 
 fn offsets(of: &ControlMetrics) -> String {
@@ -272,7 +272,12 @@ fn offsets(of: &ControlMetrics) -> String {
         let offsets: Vec<String> = offsets.iter().map(offset).collect();
         format!("{name}: {}", offsets.join(", "))
     });
-    each.collect::<Vec<_>>().join("; ")
+    or_dash(each.collect::<Vec<_>>().join("; "))
+}
+
+/// What is said of a loop without references.
+fn or_dash(text: String) -> String {
+    if text.is_empty() { "-".to_owned() } else { text }
 }
 
 /// Every value of a provenance with its name, as `provenance.json` has them; a list of texts is one

@@ -37,6 +37,20 @@ fn rounded_references_are_held() {
     assert!((near.x[2] / near.x[0] - current / 0.015).abs() < 1e-4, "{near:?}");
 }
 
+/// At rest both states equal the input: how wide their bounds are does not matter.
+#[test]
+fn what_no_input_holds_is_not_held_with_wide_bounds() {
+    let plant = plant(&["x", "y"], &["u"], &["u - x", "u - y"]);
+    for wide in [10.0, 1e3, 1e5] {
+        let region = region(2, &[-wide, -wide, -5.0], &[wide, wide, 5.0]);
+        let search = SteadyStateSearch::new(&plant, &region, 1);
+        let bounds = Some((&region.low[..], &region.high[..]));
+        let found = search.hold(&[(0, 1.0), (1, 2.0)], bounds);
+        assert!(matches!(found, HeldPoint::Nowhere(Some(_))), "{wide}: {found:?}");
+        assert!((within(&search.hold(&[(0, 1.0), (1, 1.0)], bounds)).u[0] - 1.0).abs() < 1e-4);
+    }
+}
+
 #[test]
 fn stiff_rates_at_rest_are_rest() {
     for seconds in [1.0, 3600.0, 1e-6] {

@@ -126,7 +126,7 @@ pub fn choose(
         return Err(nothing(&experiment.name, &found));
     };
     let report = write_report(&session, &found.tried)?;
-    let net = copy_net(&session, advice.winner())?.then_some(NET);
+    let net = copy_net(&mut session, advice.winner())?.then_some(NET);
     let recommended = session.run_dir.path(RECOMMENDED);
     let config = advice.config(experiment, &base.experiment, net);
     write_atomically(&recommended, config.as_bytes())?;
@@ -170,7 +170,7 @@ fn write_report(session: &Session<'_>, tried: &[Tried]) -> Result<PathBuf, RunEr
 }
 
 /// Copies the net of the model to use to where the recommended config is; gives whether it has one.
-fn copy_net(session: &Session<'_>, winner: &Tried) -> Result<bool, RunError> {
+fn copy_net(session: &mut Session<'_>, winner: &Tried) -> Result<bool, RunError> {
     let to = session.run_dir.path(NET);
     let Some(net) = &winner.net else {
         session.run_dir.remove(NET)?;

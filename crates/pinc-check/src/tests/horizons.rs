@@ -125,6 +125,21 @@ fn changes_are_from_one_reference_to_the_next() {
     only(&found, "can move x1 by 0.09 of a change of its reference");
 }
 
+/// Wide bounds do not make a change of the reference larger; without one, a part of them counts.
+#[test]
+fn a_change_is_what_the_reference_changes_by() {
+    let of = |reference: &str| {
+        let reference = format!("control.references=[{{ start_s = 0.0, value = [{reference}] }}]");
+        let wide = ["domain.state_low=[-500.0, -2.0]", "domain.state_high=[500.0, 2.0]"];
+        let sets = [&reference, wide[0], wide[1], "control.n2=10", "control.nu=10"];
+        findings(["0.01*(u - x1)", "x1 - x2"], &sets)
+    };
+    // 1.5 (1 - exp(-0.05)) of 0.5.
+    assert!(!is_said(&of("0.5"), "the inputs can move x1 by"));
+    // 1 - exp(-0.05) of 50.
+    only(&of("0.0"), "can move x1 by 9.754e-4 of a twentieth of its range");
+}
+
 /// Times are said in the unit that suits them, and a control step is measured in microseconds.
 #[test]
 fn times_of_models_are_said_in_their_units() {

@@ -272,7 +272,7 @@ fn an_iteration_of_its_own_is_refused_by_name() {
     assert_eq!(error.problem, ExpressionProblem::Iterates);
     // A search for a root has no fixed number of steps to list; the still's has.
     let error = PlantEquations::traced(Cubic).listing(&[]).unwrap_err();
-    assert_eq!(error.problem, ExpressionProblem::Iterates);
+    assert_eq!(error.problem, ExpressionProblem::NotListed);
     let still = PlantEquations::traced(AcetoneStill::default()).listing(&[]).expect("it is listed");
     let exponentials = |i: &&Instruction| matches!(i, Instruction::Function(f, _) if *f == pinc_expr::Function::Exp);
     assert!(still.instructions.iter().filter(exponentials).count() > 9);

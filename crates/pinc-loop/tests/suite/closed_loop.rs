@@ -499,6 +499,11 @@ fn parts_that_do_not_fit_are_errors() {
         ClosedLoop::new(&mut nmpc, other, reference(1), &[1.0]).map_err(refused).unwrap_err(),
         "the plant's states: 2 numbers, but 1 are expected"
     );
+    let without = Dopri5::new(crate::parameters::Gain, 1e-9);
+    assert_eq!(
+        ClosedLoop::new(&mut nmpc, without, reference(1), &[1.0]).map_err(refused).unwrap_err(),
+        "the plant's parameters: 0 numbers, but 2 are expected"
+    );
     // Outputs have to equal the model's only if the controller uses them.
     let two_sensors = || Dopri5::new(TwoSensors(Runaway { rate: 0.0 }), 1e-9);
     assert!(ClosedLoop::new(&mut nmpc, two_sensors(), reference(1), &[1.0]).is_ok());

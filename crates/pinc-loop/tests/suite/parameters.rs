@@ -8,7 +8,7 @@ use pinc_ode::{Dopri5, Plant, Rk4, Variable};
 
 /// x' = gain u + drift, whose steps of 1 s RK4 makes exactly.
 #[derive(Clone, Debug)]
-struct Gain;
+pub(crate) struct Gain;
 
 impl Plant for Gain {
     fn states(&self) -> &[Variable] {

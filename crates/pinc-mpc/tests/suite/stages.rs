@@ -269,6 +269,11 @@ fn models_must_make_up_the_horizon() {
     let builder =
         Nmpc::builder(four_tanks()).stages(tanks(10.0), 2).stages(Box::new(Parametric), 3);
     assert_eq!(builder.build().unwrap_err(), MpcError::DifferentModels);
+    let shorter = Nmpc::builder(four_tanks()).stages(tanks(10.0), 2).stages(tanks(5.0), 3);
+    assert_eq!(
+        shorter.build().unwrap_err().to_string(),
+        "a later sample time is 5, but must be not less than the first"
+    );
 }
 
 /// The conditions hold for the whole horizon of one model with parameters.

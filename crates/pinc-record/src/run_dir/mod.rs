@@ -242,20 +242,22 @@ impl RunDir {
     /// # Errors
     ///
     /// [`RecordError::Unwritable`].
-    pub fn remove_loops(&self) -> Result<(), RecordError> {
+    pub fn remove_loops(&mut self) -> Result<(), RecordError> {
         // A trial begins in an empty directory.
-        for name in file::of_loops().filter(|_| !self.in_memory) {
+        let in_memory = self.in_memory;
+        for name in file::of_loops().filter(|_| !in_memory) {
             self.remove(&name)?;
         }
         Ok(())
     }
 
-    /// Removes a file, if there is one.
+    /// Removes a file, if there is one, and what was noted of it.
     ///
     /// # Errors
     ///
     /// [`RecordError::Unwritable`].
-    pub fn remove(&self, name: &str) -> Result<(), RecordError> {
+    pub fn remove(&mut self, name: &str) -> Result<(), RecordError> {
+        self.metrics.files.remove(name);
         let path = self.path(name);
         match fs::remove_file(&path) {
             Err(error) if error.kind() != ErrorKind::NotFound => {

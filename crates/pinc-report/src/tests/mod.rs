@@ -436,6 +436,12 @@ fn an_unfinished_run_says_so() {
     for said in ["The training is not finished", "The closed loop has not run."] {
         assert!(html.contains(said), "no note: {said}");
     }
+    // A loop that has a trace, and no numbers yet.
+    let said = "The closed loop is not finished";
+    assert!(!html.contains(said) && !build(whole().path()).unwrap().contains(said));
+    fs::remove_file(dir.path().join("checkpoint.bin")).unwrap();
+    assert!(build(dir.path()).unwrap().contains(said));
+    write(&dir, "checkpoint.bin", "");
     // Before its first checkpoint, it leaves nothing.
     for file in ["checkpoint.bin", "metrics.json"] {
         fs::remove_file(dir.path().join(file)).unwrap();

@@ -111,6 +111,29 @@ fn a_quantity_is_settled_within_a_hundredth_of_its_largest_error() {
     assert_eq!(metrics.references.settle_s, [Some(3.0)]);
 }
 
+/// Bounds far away do not widen the band beyond a hundredth of the references.
+#[test]
+fn wide_bounds_do_not_settle_a_quantity() {
+    let sets = |wide: &str| {
+        [
+            "control.references=[{ start_s = 0.0, value = [2.0] }]".to_owned(),
+            "control.initial_state=[2.0]".to_owned(),
+            format!("control.state_low=[-{wide}]"),
+            format!("control.state_high=[{wide}]"),
+            "control.input_low=[0.0]".to_owned(),
+            "control.input_high=[0.0]".to_owned(),
+            "plant.expression.parameters.a=0.1".to_owned(),
+        ]
+    };
+    for wide in ["10.0", "1e3", "1e6"] {
+        let sets = sets(wide);
+        let sets: Vec<&str> = sets.iter().map(String::as_str).collect();
+        let (metrics, _) = run(DRIFT, &sets);
+        assert!(metrics.references.settled_within["x"] <= 0.02, "{wide}: {:?}", metrics.references);
+        assert_eq!(metrics.references.settle_s, [None], "{wide}");
+    }
+}
+
 /// A bound is broken by the plant that the model knows nothing of: which one, by how much, when.
 #[test]
 fn a_broken_bound_is_named_with_its_unit_and_time() {
