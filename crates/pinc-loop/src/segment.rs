@@ -39,7 +39,8 @@ impl ClosedLoop<'_> {
     }
 
     /// Returns the segment of each value of the reference, as far as the run went. `tolerance` says
-    /// for each tracked quantity how near the reference it has to stay to be settled.
+    /// for each tracked quantity how near the reference it has to stay to be settled. If none is
+    /// finite there are no segments: nothing has a reference.
     ///
     /// # Panics
     ///
@@ -48,7 +49,8 @@ impl ClosedLoop<'_> {
     pub fn segments(&self, tolerance: &[f64]) -> Vec<Segment> {
         assert_eq!(tolerance.len(), self.reference().outputs(), "one tolerance per quantity");
         let all = self.reference().stretches().into_iter();
-        let begun = all.filter(|steps| steps.start < self.steps_done());
+        let is_judged = tolerance.iter().any(|most| most.is_finite());
+        let begun = all.filter(|steps| is_judged && steps.start < self.steps_done());
         let marks = self.marks();
         begun.map(|steps| self.segment(&marks, steps, tolerance)).collect()
     }

@@ -337,23 +337,20 @@ impl LoopSetup<'_> {
     }
 
     /// How near its reference each controlled quantity stays to count as settled: as the config
-    /// says, or a hundredth of its largest error, but no nearer than a ten thousandth of its
-    /// bounded range, as far as that is below a hundredth of its references. A quantity that hardly
-    /// moves is otherwise judged by rounding.
+    /// says, or a hundredth of its largest error, but for quantities that hardly move no nearer than a
+    /// ten thousandth of its bounded range, as far as that is below a hundredth of its references.
     fn settled_within(&self, run: &ClosedLoop<'_>) -> Vec<f64> {
         if let Some(within) = &self.spec.settled_within {
             return within.clone();
         }
-        let size = |i: usize| {
-            self.spec.references.iter().fold(0.0, |size: f64, step| size.max(step.value[i].abs()))
+        let band = |(i, error): (usize, f64)| {
+            let sizes = self.spec.references.iter().map(|step| step.value[i].abs());
+            let size = sizes.fold(0.0, f64::max);
+            let most = if size > 0.0 { 0.01 * size } else { f64::INFINITY };
+            let of_range = (SETTLED_RANGE * self.bounded_range(i)).min(most);
+            (0.01 * error).max(1e-9 * size).max(of_range)
         };
-        let errors = run.largest_errors().into_iter().enumerate();
-        let least = |i: usize| {
-            let of_range = SETTLED_RANGE * self.bounded_range(i);
-            let most = if size(i) > 0.0 { 0.01 * size(i) } else { f64::INFINITY };
-            (1e-9 * size(i)).max(of_range.min(most))
-        };
-        errors.map(|(i, error)| (0.01 * error).max(least(i))).collect()
+        run.largest_errors().into_iter().enumerate().map(band).collect()
     }
 
     /// The range of a controlled state between its bounds; 0 without both of them.
@@ -381,12 +378,7 @@ impl LoopSetup<'_> {
         let (within, weights) = (self.settled_within(run), self.problem().weights);
         let judged =
             |(i, most): (usize, &f64)| if weights.tracks(i) { *most } else { f64::INFINITY };
-        let judged: Vec<f64> = within.iter().enumerate().map(judged).collect();
-        // Where nothing has a reference, nothing settles.
-        let segments = match judged.iter().any(|most| most.is_finite()) {
-            true => run.segments(&judged),
-            false => Vec::new(),
-        };
+        let segments = run.segments(&within.iter().enumerate().map(judged).collect::<Vec<_>>());
         let seconds = |steps: usize| steps as f64 * self.sample_time_s;
         let offsets = |i: usize| {
             let offsets = segments.iter().map(|segment| segment.offset[i]);

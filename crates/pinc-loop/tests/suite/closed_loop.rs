@@ -225,6 +225,7 @@ fn a_reference_that_moves_on_has_no_offset() {
     let truth = Dopri5::new(Runaway { rate: 0.0 }, 1e-12);
     let mut run = ClosedLoop::new(&mut nmpc, truth, reference, &[1.0]).unwrap().without_preview();
     run.run().unwrap();
+    assert_eq!(run.segments(&[f64::INFINITY]), []);
     let segments = run.segments(&[0.1]);
     let steps: Vec<_> = segments.iter().map(|segment| segment.steps.clone()).collect();
     assert_eq!(steps, [0..25, 25..40]);
