@@ -137,7 +137,9 @@ pub enum ExpressionProblem {
     Singular(Box<Deficiency>),
     /// Algebraic equations where there may be none.
     #[error(
-        "algebraic equations cannot be generated as code: their solution is a search for roots"
+        "algebraic equations, and outputs beside them, cannot be generated as code: their solution is \
+         a search for roots. A net of the plant can, where states alone are controlled, bounded and \
+         measured"
     )]
     NotListed,
     /// A plant in Rust that iterates in a way of its own.
