@@ -15,6 +15,7 @@
 
 #![forbid(unsafe_code)]
 
+mod balance;
 mod crossing;
 mod detectability;
 mod knee;

@@ -1,5 +1,6 @@
 //! The plant linearized: x' = A x + B u, y = C x.
 
+use crate::balance::balanced;
 use crate::{OperatingPoint, zeros};
 use faer::Mat;
 use faer::linalg::solvers::Solve;
@@ -199,8 +200,9 @@ impl StateSpace {
         let off = |i: usize, j: usize| {
             if (i + 2 * j).is_multiple_of(3) { f64::EPSILON } else { -f64::EPSILON }
         };
-        let rounded = eigenvalues(&Mat::from_fn(n, n, |i, j| self.a[(i, j)] * (1.0 + off(i, j))));
-        let values = eigenvalues(&self.a);
+        let a = balanced(&self.a);
+        let rounded = eigenvalues(&Mat::from_fn(n, n, |i, j| a[(i, j)] * (1.0 + off(i, j))));
+        let values = eigenvalues(&a);
         let fastest = values.iter().fold(0.0, |most: f64, value| most.max(value.abs()));
         let known = |value: &Complex| {
             let moved = rounded.iter().map(|v| (v.re - value.re).hypot(v.im - value.im));
@@ -249,7 +251,7 @@ impl StateSpace {
     /// integrates.
     #[must_use]
     pub fn static_gain(&self) -> Option<StaticGain> {
-        if is_singular(&self.a) {
+        if is_singular(&balanced(&self.a)) {
             return None;
         }
         let gain = -(&self.c * self.a.partial_piv_lu().solve(&self.b));

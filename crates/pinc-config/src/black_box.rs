@@ -9,8 +9,7 @@ use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Duration;
 
-/// A plant that a program simulates, which answers states and inputs with states
-/// ([`pinc_external::Process`]).
+/// A plant that a program simulates, which answers states and inputs with states ([`pinc_external::Process`]).
 ///
 /// ```toml
 /// [plant.process]

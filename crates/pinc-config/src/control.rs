@@ -11,6 +11,11 @@ use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 
+/// State bounds that are larger than this and so many times what a loop begins with and follows do not tell
+/// a state's size: they may stand for none.
+const WIDE: f64 = 1e4;
+const PARTS: f64 = 100.0;
+
 /// A closed loop: the plant, integrated accurately, under the controller.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -73,8 +78,7 @@ pub struct ControlSpec {
     /// Input applied before the first step, one number per input; 0 if absent.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub initial_input: Option<Vec<f64>>,
-    /// Inputs that the search for the first plan starts from; if absent, the input applied before, or
-    /// 0, held.
+    /// Inputs that the search for the first plan starts from; if absent, the input applied before, or 0, held.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub first_plan: Option<FirstPlanSpec>,
     /// Names of the states, outputs and inputs that follow the references. They may be left out
@@ -156,12 +160,10 @@ pub struct ControlSpec {
     pub input_low: Vec<f64>,
     /// Upper bounds of the inputs, in the plant's order and units.
     pub input_high: Vec<f64>,
-    /// Lower bounds of the change of each input from one step to the next, 0 or less; no bounds if
-    /// absent.
+    /// Lower bounds of the change of each input from one step to the next, 0 or less; no bounds if absent.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub increment_low: Option<Vec<f64>>,
-    /// Upper bounds of the change of each input from one step to the next, 0 or more; no bounds if
-    /// absent.
+    /// Upper bounds of the change of each input from one step to the next, 0 or more; no bounds if absent.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub increment_high: Option<Vec<f64>>,
     /// Other bounds in parts of the run, of quantities that have bounds. Functions of t and columns
@@ -180,9 +182,8 @@ pub struct ControlSpec {
     /// What happens when a net is used outside the box that it was trained on.
     #[serde(default)]
     pub outside_domain: OutsidePolicy,
-    /// Largest error that a step of the net may have, by state, in the state's unit. Each control step
-    /// compares the estimated error of its plan's first step with it; states that are not named are
-    /// not judged.
+    /// Largest error that a step of the net may have, by state, in the state's unit. Each control step compares
+    /// the estimated error of its plan's first step with it; states that are not named are not judged.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub error_tolerance: BTreeMap<String, f64>,
     /// What happens when that error is larger.
@@ -192,8 +193,7 @@ pub struct ControlSpec {
     #[serde(default = "max_failed_share")]
     pub max_failed_share: f64,
     /// Band around a reference within which a controlled quantity has settled, one number per
-    /// quantity in its unit; if absent, a hundredth of its largest error at the step marks, or 1e-4 of
-    /// the range between its bounds, up to a hundredth of its references, if that is more.
+    /// quantity in its unit; if absent, a hundredth of its largest error at the step marks.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub settled_within: Option<Vec<f64>>,
     /// Substeps per T of the model `rk4`.
@@ -271,6 +271,7 @@ impl ControlSpec {
             control_horizon: self.nu,
             tracked: self.controlled.iter().filter_map(tracked).collect(),
             state_bounds: self.state_bounds(variables),
+            state_sizes: self.state_sizes(variables),
             state_softness: self.state_softness.clone(),
             input_bounds: Bounds { low: self.input_low.clone(), high: self.input_high.clone() },
             increment_bounds,
@@ -312,6 +313,21 @@ impl ControlSpec {
         all
     }
 
+    /// The sizes of the states by their bounds, if some of these are [`WIDE`]: then by start and references,
+    /// 0 where these are 0 too.
+    fn state_sizes(&self, variables: &Variables) -> Option<Vec<f64>> {
+        let bounded = self.state_bounds(variables).sizes(variables.states.len());
+        let size = |(i, bounded): (usize, &f64)| {
+            let place = self.controlled.iter().position(|of| *of == variables.states[i].name);
+            let references = place.map(|k| self.references.iter().map(move |step| step.value[k]));
+            let values = references.into_iter().flatten().chain(self.initial_state.get(i).copied());
+            let shown = values.fold(0.0, |most: f64, value| most.max(value.abs()));
+            if *bounded > WIDE && *bounded > PARTS * shown { PARTS * shown } else { *bounded }
+        };
+        let sizes: Vec<f64> = bounded.iter().enumerate().map(size).collect();
+        (sizes != bounded).then_some(sizes)
+    }
+
     /// The places of the inputs that are whole numbers.
     #[must_use]
     pub fn integer_places(&self, variables: &Variables) -> Vec<usize> {
@@ -324,8 +340,7 @@ impl ControlSpec {
         if is_no_weight(&self.r) { Weight::Diagonal(vec![0.0; inputs]) } else { self.r.clone() }
     }
 
-    /// The width of each state's range between its bounds, 0 without both of them; empty without
-    /// any bounds.
+    /// The width of each state's range between its bounds, 0 without both of them; empty without any bounds.
     #[must_use]
     pub fn state_ranges(&self) -> Vec<f64> {
         let (Some(low), Some(high)) = (&self.state_low, &self.state_high) else {
@@ -457,8 +472,7 @@ pub enum Profile {
 }
 
 impl Profile {
-    /// The factors of the weights at each of `stages` stages of `sample_time_s` seconds, if they
-    /// are not 1.
+    /// The factors of the weights at each of `stages` stages of `sample_time_s` seconds, if they are not 1.
     #[must_use]
     pub fn factors(self, stages: usize, sample_time_s: f64) -> Option<Vec<f64>> {
         let factor = |i: usize| (stages - i) as f64 * sample_time_s;

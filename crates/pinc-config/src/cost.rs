@@ -6,8 +6,7 @@ use pinc_ode::DynPlant;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
-/// A cost beside the quadratic one of `q` and `r`, or in its place: what a plan costs, less what it
-/// earns.
+/// A cost beside the quadratic one of `q` and `r`, or in its place: what a plan costs, less what it earns.
 ///
 /// Its expressions have the states, inputs, outputs, parameters and intermediate expressions of the
 /// plant, the numbers of `parameters`, and `t`, the time in s since the loop began.

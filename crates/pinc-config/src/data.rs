@@ -7,8 +7,7 @@ use std::path::PathBuf;
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct DataSpec {
-    /// CSV files to train on, of trajectories or of single steps. Paths are relative to the working
-    /// directory.
+    /// CSV files to train on, of trajectories or of single steps. Paths are relative to the working directory.
     pub files: Vec<PathBuf>,
     /// CSV files that are not trained on: the net with the smallest error on them is chosen.
     pub held_out: Vec<PathBuf>,

@@ -38,9 +38,8 @@ pub struct Experiment {
     pub preset: Preset,
     /// The seed from which every random draw follows.
     pub seed: u64,
-    /// The unit in which reports show times of the plant; if absent, the unit of the plant's
-    /// equations, or else the unit that makes each time a small number. Keys and tables stay in
-    /// seconds.
+    /// The unit in which reports show times of the plant; if absent, the unit of the plant's equations, or
+    /// else the unit that makes each time a small number. Keys and tables stay in seconds.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub time_unit: Option<TimeUnit>,
     /// The plant, with its parameters.

@@ -16,8 +16,7 @@ pub struct LoadSpec {
     /// End in s; the load lasts until the run ends if absent.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub end_s: Option<f64>,
-    /// Amounts added to inputs before they act on the plant, as an offset of an actuator or a
-    /// force.
+    /// Amounts added to inputs before they act on the plant, as an offset of an actuator or a force.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub inputs: BTreeMap<String, f64>,
     /// Amounts added to the time derivatives of states, in their units per second, as a leak.

@@ -9,8 +9,7 @@ use std::collections::BTreeMap;
 /// The stream of random numbers that branches come from; those below are others'.
 const STREAM: u64 = 1 << 35;
 
-/// Uncertain parameters of the models: the plan is a tree with a branch for each combination of
-/// their values.
+/// Uncertain parameters of the models: the plan is a tree with a branch for each combination of their values.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ScenarioSpec {

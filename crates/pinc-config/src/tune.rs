@@ -11,8 +11,7 @@ use toml::{Table, Value};
 /// Seeds of the loops that are held out: the config's with this bit changed.
 const HELD_OUT: u64 = 1 << 32;
 
-/// The problem that `pinc tune` solves: keys of the controller, and the cost of closed loops with
-/// drawn plants.
+/// The problem that `pinc tune` solves: keys of the controller, and the cost of closed loops with drawn plants.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct TuneSpec {

@@ -40,9 +40,8 @@ pub struct UncertaintySpec {
     /// Whether the bounds of inputs move by what the feedback may ask for.
     #[serde(default = "yes", skip_serializing_if = "Clone::clone")]
     pub tighten_inputs: bool,
-    /// How many of the first quadratic programs of a step have bounds that are tightened anew: the
-    /// first one's along the plan of the step before, later ones' along their own plan. Several may
-    /// not settle.
+    /// How many of the first quadratic programs of a step have bounds that are tightened anew: the first
+    /// one's along the plan of the step before, later ones' along their own plan. Several may not settle.
     #[serde(default = "one", skip_serializing_if = "is_one")]
     pub tightenings: usize,
 }

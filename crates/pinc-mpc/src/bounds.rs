@@ -144,14 +144,12 @@ pub enum Softness {
     /// that is in the way; the plan is then as with `exact`.
     #[default]
     Hard,
-    /// It is met wherever the (linearized) problem has a solution, and violated as little as
-    /// possible elsewhere: by an L1 penalty that comes into play only where it must, with a weight
-    /// of 1000 times the cost's largest slope at the first guess, above the multipliers of ordinary
-    /// problems.
+    /// It is met wherever the (linearized) problem has a solution, and violated as little as possible
+    /// elsewhere: by an L1 penalty that comes into play only where it must, with a weight of 1000 times the
+    /// cost's largest slope at the first guess, above the multipliers of ordinary problems.
     Exact,
-    /// It may be violated, at a cost of so much per unit of violation, one weight per constraint:
-    /// an exact penalty. Violations vanish where the problem has a solution with multipliers below
-    /// the weights.
+    /// It may be violated, at a cost of so much per unit of violation, one weight per constraint: an exact
+    /// penalty. Violations vanish where the problem has a solution with multipliers below the weights.
     Penalty(Vec<f64>),
 }
 

@@ -11,8 +11,7 @@ use crate::units::Units;
 use pinc_ode::{Gradients, LinearizationBuffer, OutputLinearization, Recent, Stages};
 use pinc_qp::{Convexifier, Convexity, OcpDims, Qp, all_finite, symmetrize};
 
-/// A difference quotient is taken over this part of a variable's size: the cube root of the
-/// precision.
+/// A difference quotient is taken over this part of a variable's size: the cube root of the precision.
 const STEP: f64 = 6e-6;
 
 /// Second derivatives count again where nothing that they depend on has moved by more than this part of

@@ -12,8 +12,7 @@ pub(crate) enum Guess {
     Held,
     /// All inputs are known, and the states are those to which they lead from the first step's.
     Given,
-    /// Its states are worth starting from. `fallback`: it was also good enough to be followed
-    /// without need.
+    /// Its states are worth starting from. `fallback`: it was also good enough to be followed without need.
     Warm { fallback: bool },
     /// It is a guess only, since the time was up before it was worth following, for so many steps
     /// in a row; the last plan that was is the fallback.

@@ -72,9 +72,8 @@ impl OutputRows {
     }
 }
 
-/// y = h(x, u, p), linearized at the ends of the intervals, `x_1` .. `x_N` with the inputs that
-/// lead there; and, if a bound asks for it, at their starts, `x_0` .. `x_{N-1}` with the same
-/// inputs.
+/// y = h(x, u, p), linearized at the ends of the intervals, `x_1` .. `x_N` with the inputs that lead there;
+/// and, if a bound asks for it, at their starts, `x_0` .. `x_{N-1}` with the same inputs.
 #[derive(Debug)]
 pub(crate) struct Outputs {
     ends: OutputPoints,

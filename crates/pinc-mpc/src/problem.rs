@@ -33,8 +33,7 @@ const LONGEST: usize = 10_000;
 /// gives one. The measured state x\[k\] is a fact and not bounded: it can sit a little outside.
 #[derive(Clone, Debug)]
 pub struct NmpcProblem {
-    /// N1, the first predicted state that is tracked, and the first at which h and g hold: from 1
-    /// to `horizon`.
+    /// N1, the first predicted state that is tracked, and the first at which h and g hold: from 1 to `horizon`.
     pub n1: usize,
     /// N2, the last one: the prediction horizon, at most 10 000.
     pub horizon: usize,
@@ -71,9 +70,9 @@ pub struct NmpcProblem {
     /// How many whole steps pass until an input acts: the input chosen at step k is the plant's in
     /// step k + delay. The problem then starts at the state predicted for step k + delay.
     pub delay: usize,
-    /// The typical size of each state, positive, if the bounds do not tell it: what counts as a
-    /// large error. Needed for states that are small numbers and not bounded, as a
-    /// concentration of 1e-7 is.
+    /// The typical size of each state, if the bounds do not tell it: what counts as a large error.
+    /// Needed for states that are small numbers and not bounded, as a concentration of 1e-7 is. 0
+    /// where only the state's values show it.
     pub state_sizes: Option<Vec<f64>>,
     /// Values that parameters may have, if the plan is to be a tree. `weights.input_sequence` and
     /// stages of different lengths do not go with more than one.
@@ -156,7 +155,7 @@ impl NmpcProblem {
         check_finite("parameters", &self.parameters, dims.np)?;
         if let Some(sizes) = &self.state_sizes {
             check_finite("state_sizes", sizes, dims.nx)?;
-            check_numbers("state_sizes", sizes, "positive", |size| size > 0.0)?;
+            check_numbers("state_sizes", sizes, "not negative", |size| size >= 0.0)?;
         }
         if let Some(scenarios) = &self.scenarios {
             scenarios.validate(self, dims)?;

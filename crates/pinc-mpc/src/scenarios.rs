@@ -32,14 +32,12 @@ pub struct Scenarios {
     pub values: Vec<Vec<f64>>,
     /// The weight of each branch, positive; they add up to 1.
     pub weights: Vec<f64>,
-    /// How many stages branch, from 1. With more than one branch it must be less than the control
-    /// horizon.
+    /// How many stages branch, from 1. With more than one branch it must be less than the control horizon.
     pub robust_horizon: usize,
 }
 
 impl Scenarios {
-    /// All combinations of these values, of which the last parameter's change first, with equal
-    /// weights.
+    /// All combinations of these values, of which the last parameter's change first, with equal weights.
     #[must_use]
     pub fn grid(parameters: Vec<usize>, values: &[Vec<f64>], robust_horizon: usize) -> Self {
         let mut grid = vec![Vec::new()];

@@ -115,10 +115,9 @@ pub trait StageCost: Debug + Send {
         false
     }
 
-    /// Writes the gradients of `part` times the cost at some points of a stage, of which the
-    /// optimization takes differences: one after the other, if a cost has no faster way. A cost that
-    /// integrates the model F of the stage itself may add those of lambda'F, and returns whether it
-    /// did. `block` is scratch.
+    /// Writes the gradients of `part` times the cost at some points of a stage, of which the optimization takes
+    /// differences: one after the other, if a cost has no faster way. A cost that integrates the model F of the
+    /// stage itself may add those of lambda'F, and returns whether it did. `block` is scratch.
     ///
     /// # Shapes
     ///

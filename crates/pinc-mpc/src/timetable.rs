@@ -89,9 +89,8 @@ impl Timetable {
 
 /// Bounds on states, inputs and outputs that change with the control steps.
 ///
-/// The bounds of step k hold in the interval from kT to (k+1)T: for the input that acts there, the
-/// states and the outputs. At a mark between two steps both bounds hold; where they exclude each
-/// other, the earlier ones.
+/// The bounds of step k hold in the interval from kT to (k+1)T: for the input that acts there, the states and
+/// the outputs. At a mark between two steps both bounds hold; where they exclude each other, the earlier ones.
 #[derive(Clone, Debug, PartialEq)]
 pub struct BoundSchedule {
     sizes: [usize; 3],

@@ -21,8 +21,8 @@ use std::borrow::Cow;
 use std::cell::Cell;
 use std::time::{Duration, Instant};
 
-/// A deviation of this share of a state's bounded range counts as settled.
-const SETTLED_RANGE: f64 = 1e-4;
+/// A deviation of this share of a reference is rounding, and within the tolerance of the optimization.
+const ROUNDING: f64 = 1e-6;
 
 /// The inputs of closed loops.
 #[derive(Debug)]
@@ -337,27 +337,16 @@ impl LoopSetup<'_> {
     }
 
     /// How near its reference each controlled quantity stays to count as settled: as the config
-    /// says, or a hundredth of its largest error, but for quantities that hardly move no nearer than a
-    /// ten thousandth of its bounded range, as far as that is below a hundredth of its references.
+    /// says, or a hundredth of its largest error, but not so near that rounding decides.
     fn settled_within(&self, run: &ClosedLoop<'_>) -> Vec<f64> {
         if let Some(within) = &self.spec.settled_within {
             return within.clone();
         }
         let band = |(i, error): (usize, f64)| {
             let sizes = self.spec.references.iter().map(|step| step.value[i].abs());
-            let size = sizes.fold(0.0, f64::max);
-            let most = if size > 0.0 { 0.01 * size } else { f64::INFINITY };
-            let of_range = (SETTLED_RANGE * self.bounded_range(i)).min(most);
-            (0.01 * error).max(1e-9 * size).max(of_range)
+            (0.01 * error).max(ROUNDING * sizes.fold(0.0, f64::max))
         };
         run.largest_errors().into_iter().enumerate().map(band).collect()
-    }
-
-    /// The range of a controlled state between its bounds; 0 without both of them.
-    fn bounded_range(&self, i: usize) -> f64 {
-        let name = &self.spec.controlled[i];
-        let place = self.truth.states().iter().position(|state| state.name == *name);
-        place.and_then(|place| self.spec.state_ranges().get(place).copied()).unwrap_or(0.0)
     }
 
     /// The bounds that the plant broke.

@@ -7,8 +7,8 @@ use super::shared_library::shared_libraries;
 use super::{chainable, parse_model, read_matching_model};
 use crate::RunError;
 use pinc_config::{
-    ControlSpec, EstimatorKind, Experiment, ModelKind, NetErrorSpec, OnError, UncertaintySpec,
-    Variables, sha256,
+    ControlSpec, DisturbanceSpec, EstimatorKind, EstimatorSpec, Experiment, ModelKind,
+    NetErrorSpec, OnError, UncertaintySpec, Variables, sha256,
 };
 use pinc_estimate::{Augmentation, Tuning};
 use pinc_export::{
@@ -254,9 +254,10 @@ pub fn export_controller_with(
 }
 
 /// What generated controllers lack of a tube, what they have instead, and whether it is there.
-fn unexported(spec: &ControlSpec) -> [(&'static str, &'static str, bool); 4] {
+fn unexported(spec: &ControlSpec) -> [(&'static str, &'static str, bool); 5] {
     let instead = "process_sd and boxes, or `pinc serve`";
     let has = |of: fn(&UncertaintySpec) -> bool| spec.uncertainty.as_ref().is_some_and(of);
+    let bounds_outputs = spec.output_low.is_some() || spec.output_high.is_some();
     [
         ("control.uncertainty.parameters", instead, has(|of| !of.parameters.is_empty())),
         ("control.uncertainty.estimate", instead, has(|of| of.estimate)),
@@ -266,7 +267,18 @@ fn unexported(spec: &ControlSpec) -> [(&'static str, &'static str, bool); 4] {
             "1 of them, or `pinc serve`",
             has(|of| of.tightenings > 1),
         ),
+        (
+            // Their derivatives are the last step's there, and depend on what is estimated since.
+            "control.uncertainty with bounds on outputs, and estimated parameters or an output disturbance",
+            "bounds on states and inputs, or `pinc serve`",
+            has(|_| true) && bounds_outputs && spec.estimator.as_ref().is_some_and(in_outputs),
+        ),
     ]
+}
+
+/// Whether outputs may depend on what is estimated besides the state.
+fn in_outputs(of: &EstimatorSpec) -> bool {
+    of.disturbance == DisturbanceSpec::Output || !of.parameters.is_empty()
 }
 
 fn exported_tube(spec: &UncertaintySpec, experiment: &Experiment) -> ExportedTube {

@@ -56,6 +56,13 @@ impl Tightening {
         self.tube.programs(is_first)
     }
 
+    /// Writes the bounds as they are without the tube, in the order of those given.
+    pub fn release(&self, to: [[&mut [f64]; 2]; 3]) {
+        for (to, given) in to.into_iter().zip(&self.given) {
+            to.into_iter().zip(given).for_each(|(to, given)| to.copy_from_slice(given));
+        }
+    }
+
     /// Writes the bounds tightened along a plan, in the order of those given. Where a lower bound
     /// would be above its upper one, both are the middle. A bound stays where it is if its back-off is
     /// no number or infinite.

@@ -7,8 +7,7 @@ use crate::{Experiment, MeasurementSpec, PlantSpec};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
-/// The problem that `pinc identify` solves on recorded data, with all numbers in the units of the
-/// plant.
+/// The problem that `pinc identify` solves on recorded data, with all numbers in the units of the plant.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct IdentifySpec {
@@ -26,8 +25,7 @@ pub struct IdentifySpec {
     /// Nets inside the plant's equations whose weights are unknown.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub nets: Vec<IdentifiedNet>,
-    /// Which error is fitted; if absent, a simulation's, by single or multiple shooting, whichever
-    /// is needed.
+    /// Which error is fitted; if absent, a simulation's, by single or multiple shooting, whichever is needed.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub criterion: Option<IdentifyCriterion>,
     /// Number of starts of the fit within the parameters' bounds, the config's included; if absent,
@@ -48,8 +46,7 @@ pub struct IdentifySpec {
     /// Initial state of each file where it is known.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub fixed_initial_state: Option<Vec<f64>>,
-    /// Length T of a step in s; if absent, the step of `[model]` or `[control]`, or the spacing of
-    /// the data.
+    /// Length T of a step in s; if absent, the step of `[model]` or `[control]`, or the spacing of the data.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub step_s: Option<f64>,
     /// Substeps of the integrator per T; if absent, the substeps of `[control]`, or 4.

@@ -59,8 +59,7 @@ enum Signal {
     Column { times: Vec<f64>, values: Vec<f64>, is_linear: bool },
 }
 
-/// Writes all schedules out. Returns the keys of those that were written otherwise, with what was
-/// there.
+/// Writes all schedules out. Returns the keys of those that were written otherwise, with what was there.
 pub(crate) fn write_out(table: &mut Table) -> Checked<Vec<(String, Value)>> {
     let mut written = Vec::new();
     let grid = grid(table);

@@ -136,8 +136,7 @@ impl SearchSpec {
         }
     }
 
-    /// The candidates, each with a value for each range: the first ones are the same however many
-    /// there are.
+    /// The candidates, each with a value for each range: the first ones are the same however many there are.
     pub(crate) fn drawn(&self, seed: u64) -> Vec<Vec<Value>> {
         let mut rng = ChaCha8Rng::seed_from_u64(seed);
         rng.set_stream(STREAM);

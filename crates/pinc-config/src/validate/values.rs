@@ -168,8 +168,7 @@ pub(super) fn step_mark(key: &str, time_s: f64, sample_time_s: Option<f64>) -> C
     multiple(key, time_s, 0.0, sample_time_s)
 }
 
-/// Checks that a time that is not negative is at least `least` whole steps; without T it may be
-/// any.
+/// Checks that a time that is not negative is at least `least` whole steps; without T it may be any.
 fn multiple(key: &str, time_s: f64, least: f64, sample_time_s: Option<f64>) -> Checked {
     let Some(sample_time_s) = sample_time_s else { return Ok(()) };
     let steps = time_s / sample_time_s;

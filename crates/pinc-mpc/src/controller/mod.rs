@@ -28,16 +28,14 @@ const MOST_WAITING: usize = 5;
 /// Each [`Nmpc::step`] solves the [`NmpcProblem`], starting from the last plan, shifted by a step (on a
 /// tree of scenarios, in its place), and returns the plan's first input.
 ///
-/// The input is always within its bounds and the bounds of its increments, however the optimization
-/// ends. A plan that is not optimal but true to the model (to the square root of the tolerance) is
-/// followed: suboptimal control suffices (Scokaert, Mayne and Rawlings, IEEE Trans. Autom. Control
-/// 44 (1999)). Otherwise the input is the next one of the last plan, whose last input is held when
-/// the plan has run out (before there is a plan, it is 0, moved into the bounds). The next step
-/// then starts afresh from the measured state, so that one failure does not lead to the next. If
-/// only the deadline was hit, the next step resumes where this one ended. The unfinished plan is
-/// followed in three cases: until there has been a plan that is true to the model; if a QP was
-/// solved from such a plan, as in a real-time iteration; and if the last good plan is five steps
-/// old.
+/// The input is always within its bounds and the bounds of its increments, however the optimization ends. A
+/// plan that is not optimal but true to the model (to the square root of the tolerance) is followed: suboptimal
+/// control suffices (Scokaert, Mayne and Rawlings, IEEE Trans. Autom. Control 44 (1999)). Otherwise the input
+/// is the next one of the last plan, whose last input is held when the plan has run out (before there is a
+/// plan, it is 0, moved into the bounds). The next step then starts afresh from the measured state, so that one
+/// failure does not lead to the next. If only the deadline was hit, the next step resumes where this one ended.
+/// The unfinished plan is followed in three cases: until there has been a plan that is true to the model; if a
+/// QP was solved from such a plan, as in a real-time iteration; and if the last good plan is five steps old.
 ///
 /// # Delays
 ///
@@ -222,8 +220,7 @@ impl Nmpc {
         &self.config
     }
 
-    /// Forgets everything: the next step is again the first one, with u\[k-1\] = 0, and 0 under
-    /// way.
+    /// Forgets everything: the next step is again the first one, with u\[k-1\] = 0, and 0 under way.
     pub fn reset(&mut self) {
         self.plan.clear();
         self.sqp.forget();
@@ -333,10 +330,9 @@ impl Nmpc {
     /// factorizations and between them, and between trials of a step's length. Clarabel alone is
     /// not interrupted. The status is then [`SqpStatus::Deadline`].
     ///
-    /// The next step resumes from the plan reached: a plan on the way to the solution of a QP, or
-    /// one that there was no time to judge. The residual then belongs to the plan before, whose
-    /// input is applied if it is true to the model; it is infinite if the first linearization did
-    /// not finish.
+    /// The next step resumes from the plan reached: a plan on the way to the solution of a QP, or one that
+    /// there was no time to judge. The residual then belongs to the plan before, whose input is applied if it
+    /// is true to the model; it is infinite if the first linearization did not finish.
     ///
     /// # Errors
     ///

@@ -31,8 +31,7 @@ pub struct KktResidual {
 }
 
 impl KktResidual {
-    /// The residuals at the point `at`, where `qp` is the problem linearized there. `work` is as
-    /// long as z.
+    /// The residuals at the point `at`, where `qp` is the problem linearized there. `work` is as long as z.
     pub(crate) fn new(qp: &Qp, at: &Solution, work: &mut [f64]) -> Self {
         let multipliers = &at.multipliers;
         qp.lagrangian_gradient(multipliers, work);

@@ -52,8 +52,7 @@ impl Merit {
         cost + defects + violations
     }
 
-    /// At most this is phi's slope along `step`, the solution of `qp`: g'd less all that the step
-    /// mends.
+    /// At most this is phi's slope along `step`, the solution of `qp`: g'd less all that the step mends.
     pub(crate) fn directional_derivative(&self, qp: &Qp, step: &QpStep) -> f64 {
         let along: f64 = qp.gradient.iter().zip(&step.d).map(|(g, d)| g * d).sum();
         along - (self.value(qp, 0.0) - residual_violation(qp, step))

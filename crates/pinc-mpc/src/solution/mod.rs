@@ -124,10 +124,9 @@ impl Solution {
         bounds[last..first].copy_from_slice(&dynamics[last..]);
     }
 
-    /// Takes the plan `from`, shifted by the first stage's length, on stages of different lengths
-    /// of which the first is the shortest; `times`, `[N + 1]`, belong to `x_0` .. `x_N`. States are
-    /// interpolated linearly, inputs held as planned; a stage takes the multipliers of the stage
-    /// that covers its beginning.
+    /// Takes the plan `from`, shifted by the first stage's length, on stages of different lengths of which the
+    /// first is the shortest; `times`, `[N + 1]`, belong to `x_0` .. `x_N`. States are interpolated linearly,
+    /// inputs held as planned; a stage takes the multipliers of the stage that covers its beginning.
     #[inline(never)]
     pub(crate) fn resample(&mut self, from: &Self, times: &[f64]) {
         let (dims, length) = (self.dims, times[1]);
@@ -141,8 +140,7 @@ impl Solution {
         };
         for j in 0..dims.horizon {
             let (stage, part) = locate(times[j + 1] + length);
-            // x_stage and x_{stage+1}; the former is predicted too, being later than the first
-            // stage.
+            // x_stage and x_{stage+1}; the former is predicted too, being later than the first stage.
             let after = from.z[dims.next_state(stage)].iter();
             let before = from.z[dims.next_state(stage.max(1) - 1)].iter();
             let to = &mut self.z[dims.next_state(j)];

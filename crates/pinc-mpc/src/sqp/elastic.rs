@@ -9,8 +9,7 @@ use crate::transcription::admit_given;
 use crate::{NmpcProblem, Softness, SqpStatus};
 use pinc_qp::{Kind, OcpDims, Qp, Row};
 
-/// The weight of a violation where it cannot be avoided, in terms of the cost's largest slope and
-/// curvature.
+/// The weight of a violation where it cannot be avoided, in terms of the cost's largest slope and curvature.
 const ELASTIC_WEIGHT: f64 = 1e3;
 
 impl Sqp {

@@ -29,13 +29,12 @@ const CONTRACTION: f64 = 0.9;
 /// SQP by line search: linearize the problem at the current plan, solve the QP, go along its step
 /// and towards its multipliers, until the KKT residual is small.
 ///
-/// With the Gauss-Newton Hessian full steps converge linearly, the faster the smaller the
-/// multipliers times the curvature of their constraints. A full step is taken if it makes the KKT
-/// residual clearly the least seen so far, which can happen only finitely often; otherwise steps
-/// are halved until the [`Merit`] function decreases. So neither the merit function's reluctance
-/// near a solution (the Maratos effect) costs steps, nor does the iteration diverge from afar.
-/// A step is accelerated by those before it ([`Anderson`]); where the iteration is slow all the same,
-/// the [`HessianChoice`] takes the exact Hessian of the Lagrangian.
+/// With the Gauss-Newton Hessian full steps converge linearly, the faster the smaller the multipliers times the
+/// curvature of their constraints. A full step is taken if it makes the KKT residual clearly the least seen so
+/// far, which can happen only finitely often; otherwise steps are halved until the [`Merit`] function
+/// decreases. So neither the merit function's reluctance near a solution (the Maratos effect) costs steps, nor
+/// does the iteration diverge from afar. A step is accelerated by those before it ([`Anderson`]); where the
+/// iteration is slow all the same, the [`HessianChoice`] takes the exact Hessian of the Lagrangian.
 ///
 /// If a linearized problem has no solution, or its step is none of descent, the hard constraints on
 /// states become soft for the rest of the control step (elastic mode): violated as little as
@@ -181,8 +180,7 @@ impl Sqp {
         self.transcription.set_stage_parameters(of)
     }
 
-    /// Chooses the units for a plant that is at `x0`. Where they change, the programs are built
-    /// anew.
+    /// Chooses the units for a plant that is at `x0`. Where they change, the programs are built anew.
     fn choose_units(&mut self, x0: &[f64], targets: Option<Targets<'_>>) {
         if self.transcription.choose_units(x0, targets) {
             self.rebuild_programs();

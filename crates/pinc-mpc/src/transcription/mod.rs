@@ -395,8 +395,10 @@ impl Transcription {
         before != self.units.plain_cost(1.0).to_bits()
     }
 
-    /// Forgets where the model was linearized, and the units chosen there; whether these change.
+    /// Forgets where the model was linearized, the units chosen there, and the bounds tightened along it;
+    /// whether units change.
     pub(crate) fn forget(&mut self) -> bool {
+        self.release_bounds();
         self.cache.forget();
         self.curvature.iter_mut().for_each(|of| of.recent.forget());
         self.units.forget_slope();
@@ -450,8 +452,7 @@ impl Transcription {
         &self.plain
     }
 
-    /// Writes the problem at `z` into `qp`, made from [`Transcription::plain`], in the plant's
-    /// units.
+    /// Writes the problem at `z` into `qp`, made from [`Transcription::plain`], in the plant's units.
     pub(crate) fn evaluate_plain(
         &mut self,
         horizon: &mut Horizon,

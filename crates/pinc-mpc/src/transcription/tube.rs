@@ -91,6 +91,14 @@ impl Transcription {
         true
     }
 
+    /// Gives back what the tube took from the bounds.
+    pub(super) fn release_bounds(&mut self) {
+        let Some(tightening) = &self.tightening else { return };
+        let [ends, starts] = &mut self.output_bounds;
+        let bounds = [&mut self.bounds, ends, starts];
+        tightening.release(bounds.map(|of| [&mut of.low[..], &mut of.high]));
+    }
+
     /// Saves or restores the bounds of the last step, into which first guesses are moved.
     pub(super) fn remember_bounds(&mut self, memory: &mut Memory<'_>) {
         let [ends, starts] = &mut self.output_bounds;

@@ -36,9 +36,8 @@ const VERY_SMALL: f64 = 1.0 / 4096.0;
 /// Units for states, inputs and rows such that these are numbers of ordinary size, and one for the
 /// cost: tolerances are absolute, and mean the same whatever the units of the plant.
 ///
-/// All units are powers of 2, so that no digit changes. A quantity of ordinary size keeps its
-/// unit. How large a quantity is, its bounds say, or the problem; without these, a state counts as
-/// large when it is seen to be.
+/// All units are powers of 2, so that no digit changes. A quantity of ordinary size keeps its unit. How large a
+/// quantity is, its bounds say, or the problem; without these, a state counts as large when it is seen to be.
 #[derive(Clone, Debug)]
 pub(crate) struct Units {
     dims: OcpDims,
@@ -380,9 +379,8 @@ fn input_sizes(problem: &NmpcProblem, inputs: usize) -> Vec<f64> {
     sizes.map(|(size, moved)| if moved > 0.0 { size.min(WIDE * moved) } else { size }).collect()
 }
 
-/// By how much the rows of the constraints vary with states and inputs of these sizes, 0 where that
-/// is not known: by their slopes at both ends of the bounds and in the middle, for they may be flat
-/// at one point.
+/// By how much the rows of the constraints vary with states and inputs of these sizes, 0 where that is not
+/// known: by their slopes at both ends of the bounds and in the middle, for they may be flat at one point.
 fn row_sizes(problem: &NmpcProblem, sizes: [&[f64]; 2]) -> Vec<f64> {
     let Some(constraints) = &problem.constraints else { return Vec::new() };
     let [n, m] = sizes.map(<[f64]>::len);

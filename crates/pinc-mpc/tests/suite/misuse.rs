@@ -109,8 +109,8 @@ fn bounds() {
 #[test]
 fn sizes_of_states() {
     assert_eq!(
-        refusal(|p| p.state_sizes = Some(vec![1.0, 0.0])),
-        "state_sizes[1] is 0, but must be positive"
+        refusal(|p| p.state_sizes = Some(vec![1.0, -1.0])),
+        "state_sizes[1] is -1, but must be not negative"
     );
     assert_eq!(
         refusal(|p| p.state_sizes = Some(vec![1.0])),

@@ -119,6 +119,19 @@ fn a_tube_of_no_width_changes_no_bit() {
     }
 }
 
+/// The first guess is moved into the bounds, which are those of the problem again.
+#[test]
+fn a_controller_that_is_reset_forgets_its_tube() {
+    let far = [3.0, 15.0, 1.0, 5.0];
+    let reference = [12.0, 14.2].repeat(N);
+    let mut nmpc = controller(0.4);
+    let first = nmpc.step(&START, &reference).unwrap().u.to_vec();
+    nmpc.reset();
+    nmpc.step(&far, &[4.0, 10.0].repeat(N)).unwrap();
+    nmpc.reset();
+    assert_eq!(nmpc.step(&START, &reference).unwrap().u, first);
+}
+
 #[test]
 fn where_nothing_is_left_no_plan_fits() {
     let mut nmpc = controller(3.0);

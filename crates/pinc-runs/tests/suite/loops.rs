@@ -134,6 +134,26 @@ fn wide_bounds_do_not_settle_a_quantity() {
     }
 }
 
+/// Bounds that stand for none do not make units in which nothing is left to do.
+#[test]
+fn bounds_far_away_change_nothing() {
+    let inputs = ["control.input_low=[-1.0]", "control.input_high=[1.0]"];
+    let references =
+        "control.references=[{ start_s = 0.0, value = [0.5] }, { start_s = 3.0, value = [-2.0] }]";
+    let with = |more: &[&str]| {
+        let sets = [&inputs[..], &[references], more].concat();
+        let (metrics, rows) = run(DRIFT, &sets);
+        assert_eq!(metrics.status.get("converged"), Some(&6), "{more:?}: {:?}", metrics.status);
+        at_steps(&rows)
+    };
+    let free = with(&[]);
+    for wide in ["1e5", "1e8", "1e12", "1e30"] {
+        let bounds = ["low=[-", "high=["].map(|side| format!("control.state_{side}{wide}]"));
+        let bounded = with(&[&bounds[0], &bounds[1]]);
+        near(&bounded, &free);
+    }
+}
+
 /// A bound is broken by the plant that the model knows nothing of: which one, by how much, when.
 #[test]
 fn a_broken_bound_is_named_with_its_unit_and_time() {

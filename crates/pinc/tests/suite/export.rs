@@ -248,6 +248,13 @@ fn a_loop_in_c_keeps_the_distance_of_its_tube() {
         let refused = export(&["cart.toml", "--set", set], dir.path());
         refused.assert_refused(&[set.split('=').next().unwrap(), instead]);
     }
+    // The slope of a bounded output may depend on what is estimated since the plan was made.
+    let estimator = "control.estimator={ kind = \"ekf\", process_sd = [1.0, 0.01], measurement_sd = [1.0], \
+        initial_estimate = [0.0, 0.0], initial_sd = [1.0, 0.1], disturbance = \"output\", \
+        disturbance_sd = [0.1], disturbance_initial_sd = [1.0] }";
+    let measurement = "control.measurement={ measured = [\"x\"], noise_sd = [1.0] }";
+    let sets = ["cart.toml", "--set", measurement, "--set", estimator];
+    export(&sets, dir.path()).assert_refused(&["bounds on outputs", "output disturbance"]);
 }
 
 #[test]

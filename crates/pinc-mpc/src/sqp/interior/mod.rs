@@ -111,8 +111,7 @@ impl Need {
         self.now || self.repeated > 0
     }
 
-    /// Two control steps that were slow are followed by some that begin with the phase, if that finds
-    /// plans.
+    /// Two control steps that were slow are followed by some that begin with the phase, if that finds plans.
     fn end(&mut self, found: bool) {
         if !found {
             self.repeated = 0;
