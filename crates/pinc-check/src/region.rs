@@ -1,11 +1,12 @@
 //! The box that is examined.
 
 use pinc_analysis::Region;
-use pinc_config::Experiment;
+use pinc_config::{ControlSpec, Experiment};
 use pinc_ode::Dims;
 
 /// The box and what it is called: the training domain, or else the controller's bounds. A state
-/// without bounds has the range of the start and the references, or 1 about the start. One with a
+/// without bounds, or with such as may stand for none, has the range of the start and the references, or 1
+/// about the start. One with a
 /// bound on one side only has this for the other side, and start and references beyond its bound
 /// are in the box as well, so that no lower end is above an upper one.
 pub(crate) fn of(experiment: &Experiment, dims: Dims) -> Option<(Region, &'static str)> {
@@ -25,7 +26,9 @@ pub(crate) fn of(experiment: &Experiment, dims: Dims) -> Option<(Region, &'stati
         }
     }
     for (i, (low, high)) in low.iter_mut().zip(&mut high).enumerate() {
-        let bound = |of: &Option<Vec<f64>>| Some(of.as_ref()?[i]).filter(|b| b.is_finite());
+        let shown = low.abs().max(high.abs());
+        let tells = |bound: &f64| bound.is_finite() && !ControlSpec::is_far(*bound, shown);
+        let bound = |of: &Option<Vec<f64>>| Some(of.as_ref()?[i]).filter(tells);
         (*low, *high) = ends((*low, *high), bound(&control.state_low), bound(&control.state_high));
     }
     low.extend(&control.input_low);

@@ -11,8 +11,7 @@ use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 
-/// State bounds that are larger than this and so many times what a loop begins with and follows do not tell
-/// a state's size: they may stand for none.
+/// A bound of a state beyond this, and so many times the values in a loop, tells no size: it may stand for none.
 const WIDE: f64 = 1e4;
 const PARTS: f64 = 100.0;
 
@@ -313,8 +312,13 @@ impl ControlSpec {
         all
     }
 
-    /// The sizes of the states by their bounds, if some of these are [`WIDE`]: then by start and references,
-    /// 0 where these are 0 too.
+    /// Whether a state's bound may stand for none where the loop begins at and follows values up to `shown`.
+    #[must_use]
+    pub fn is_far(bound: f64, shown: f64) -> bool {
+        bound.abs() > WIDE.max(PARTS * shown)
+    }
+
+    /// The sizes of the states by their bounds, if some of these are far: then by start and references.
     fn state_sizes(&self, variables: &Variables) -> Option<Vec<f64>> {
         let bounded = self.state_bounds(variables).sizes(variables.states.len());
         let size = |(i, bounded): (usize, &f64)| {
@@ -322,10 +326,9 @@ impl ControlSpec {
             let references = place.map(|k| self.references.iter().map(move |step| step.value[k]));
             let values = references.into_iter().flatten().chain(self.initial_state.get(i).copied());
             let shown = values.fold(0.0, |most: f64, value| most.max(value.abs()));
-            if *bounded > WIDE && *bounded > PARTS * shown { PARTS * shown } else { *bounded }
+            if Self::is_far(*bounded, shown) { PARTS * shown } else { *bounded }
         };
-        let sizes: Vec<f64> = bounded.iter().enumerate().map(size).collect();
-        (sizes != bounded).then_some(sizes)
+        Some(bounded.iter().enumerate().map(size).collect()).filter(|sizes| *sizes != bounded)
     }
 
     /// The places of the inputs that are whole numbers.

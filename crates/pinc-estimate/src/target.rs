@@ -38,6 +38,8 @@ const ROUNDS: usize = 4;
 #[derive(Debug)]
 pub struct SteadyTarget {
     nmpc: Nmpc,
+    /// Where the first search begins, (x, u) in their sizes.
+    first: Vec<f64>,
     tracked: Vec<Place>,
     /// Of what is tracked: the units of `sought`.
     sizes: Vec<f64>,
@@ -101,6 +103,7 @@ impl SteadyTarget {
         let numbers = vec![f64::NAN; tracked.len()];
         Ok(Self {
             nmpc,
+            first,
             tracked,
             sizes,
             origin: vec![0.0; dims.nx],
@@ -110,6 +113,13 @@ impl SteadyTarget {
             status: None,
             not_found: 0,
         })
+    }
+
+    /// Forgets all searches: the next one begins where the first did.
+    pub fn reset(&mut self) {
+        self.nmpc.reset_input(&self.first).expect("it was taken before");
+        self.asked.fill(f64::NAN);
+        (self.status, self.not_found) = (None, 0);
     }
 
     /// Moves each row of `reference`, `[stages, tracked]`, to what can be held with the parameters

@@ -186,6 +186,7 @@ impl LiveController {
         self.made = None;
         if let Some(observer) = &mut self.observer {
             observer.estimator.reset();
+            observer.target.iter_mut().for_each(SteadyTarget::reset);
         }
         // The measured parameters are forgotten.
         self.parameters.copy_from_slice(&self.nmpc.problem().parameters);

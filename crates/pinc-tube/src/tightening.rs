@@ -59,7 +59,10 @@ impl Tightening {
     /// Writes the bounds as they are without the tube, in the order of those given.
     pub fn release(&self, to: [[&mut [f64]; 2]; 3]) {
         for (to, given) in to.into_iter().zip(&self.given) {
-            to.into_iter().zip(given).for_each(|(to, given)| to.copy_from_slice(given));
+            let sides = to.into_iter().zip(given);
+            sides
+                .flat_map(|(to, given)| to.iter_mut().zip(given))
+                .for_each(|(to, given)| *to = *given);
         }
     }
 

@@ -57,6 +57,17 @@ fn an_input_whose_reference_conflicts_gives_way() {
     assert_eq!(target.last()[0], [0.5, 3.0]);
 }
 
+/// A search begins where the last one ended, and after a reset where the first one did.
+#[test]
+fn a_target_that_is_reset_begins_as_at_first() {
+    let mut target = target(&[]);
+    let first = held(&mut target, 0.1, &[0.4, 1.0]);
+    held(&mut target, -0.4, &[0.9, 3.0]);
+    target.reset();
+    assert_eq!((target.status(), target.not_found()), (None, 0));
+    assert_eq!(held(&mut target, 0.1, &[0.4, 1.0]), first);
+}
+
 /// x' = x^2 + u + d
 #[derive(Clone, Debug)]
 struct Rising;

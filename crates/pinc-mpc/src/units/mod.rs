@@ -14,8 +14,10 @@ use pinc_qp::{Multipliers, OcpDims, Qp};
 /// Quantities between these sizes keep their unit.
 const ORDINARY: [f64; 2] = [0.0625, 1024.0];
 
-/// The cost keeps its unit if the geometric mean of its largest and least weight is between these.
+/// The cost keeps its unit if the geometric mean of its largest and least weight is between these; on a tree,
+/// whose programs go to the Riccati method alone, which loses digits by large weights, the others.
 const ORDINARY_WEIGHT: [f64; 2] = [1e-3, 1e6];
+const ORDINARY_ON_TREE: [f64; 2] = [1e-3, 100.0];
 
 /// The largest weight in the unit of the cost: rounding errors in the gradient by a larger one would be
 /// above the tolerance.
@@ -153,7 +155,8 @@ impl Units {
         let size = if most > 0.0 { (least * most).sqrt() } else { self.slope.unwrap_or(1.0) };
         let by_largest = (most.max(self.of_outputs) / LARGEST_WEIGHT).log2().ceil().exp2();
         let by_least = (MOST_COST * least).log2().floor().exp2().max(1.0);
-        self.cost = unit(size, ORDINARY_WEIGHT).max(by_largest).min(by_least);
+        let ordinary = if self.dims.tree.is_chain() { ORDINARY_WEIGHT } else { ORDINARY_ON_TREE };
+        self.cost = unit(size, ordinary).max(by_largest).min(by_least);
         let is_one = |unit: &f64| unit.to_bits() == 1.0_f64.to_bits();
         self.plain = self.x.iter().chain(&self.u).chain(&self.rows).all(is_one);
         self.identity = self.plain && is_one(&self.cost);

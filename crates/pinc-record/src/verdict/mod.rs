@@ -248,6 +248,11 @@ pub fn advice(status: &str, model: ModelKind) -> &'static str {
         "No plan was found that keeps all bounds, those of end_state and of a cost's inequalities among \
          them: widen them, lengthen the horizon n2, let states leave their bounds where they must with \
          state_softness = \"exact\", or allow more of control.integer_programs for whole inputs."
+    } else if (is(SqpStatus::IterationLimit) || is(SqpStatus::Stalled))
+        && model == ModelKind::BlackBox
+    {
+        "The plans are as good as the simulator's precision allows: raise control.sqp.tolerance, and the \
+         plant's difference_step where its answers are rounded or noisy."
     } else if is(SqpStatus::IterationLimit) {
         "Allow more of control.sqp.max_iterations, try control.sqp.hessian = \"adaptive\", shorten T, or \
          move the references in smaller steps."
@@ -255,9 +260,6 @@ pub fn advice(status: &str, model: ModelKind) -> &'static str {
         "The model or the cost gave no numbers that can be used, or the QP method failed on them: give \
          the model more substeps, or take \"rosenbrock\" for a stiff plant; a net should be trained on all of the box \
          where the loop goes; leave control.sqp.qp at \"auto\"."
-    } else if is(SqpStatus::Stalled) && model == ModelKind::BlackBox {
-        "The plans are as good as the simulator's precision allows: raise control.sqp.tolerance, and the \
-         plant's difference_step where its answers are rounded or noisy."
     } else if is(SqpStatus::Stalled) {
         "The plans are as good as rounding or a kink of the model allows: raise control.sqp.tolerance, \
          give an integrator more substeps, or bound an input where the equation saturates it."

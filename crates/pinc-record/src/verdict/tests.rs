@@ -85,13 +85,13 @@ fn advice_is_given_once_where_it_is_the_same() {
 
 /// A simulator has no substeps, and the equation's kinks are not known.
 #[test]
-fn advice_for_stalled_steps_is_about_the_model_at_hand() {
-    let stalled = [(SqpStatus::Stalled, 30)];
-    for (model, said, other) in [
-        (ModelKind::BlackBox, "difference_step", "substeps"),
-        (ModelKind::RK4, "substeps", "difference_step"),
+fn advice_is_about_the_model_at_hand() {
+    for (status, model, said, other) in [
+        (SqpStatus::Stalled, ModelKind::BlackBox, "difference_step", "substeps"),
+        (SqpStatus::IterationLimit, ModelKind::BlackBox, "difference_step", "max_iterations"),
+        (SqpStatus::Stalled, ModelKind::RK4, "substeps", "difference_step"),
     ] {
-        let notes = metrics(vec![of(model, [None; 3], &stalled)]).loop_notes();
+        let notes = metrics(vec![of(model, [None; 3], &[(status, 30)])]).loop_notes();
         assert!(notes[0].contains(said) && !notes[0].contains(other), "{notes:?}");
     }
 }
