@@ -15,7 +15,6 @@
 
 #![forbid(unsafe_code)]
 
-mod balance;
 mod crossing;
 mod detectability;
 mod knee;

@@ -1,6 +1,5 @@
 //! The plant linearized: x' = A x + B u, y = C x.
 
-use crate::balance::balanced;
 use crate::{OperatingPoint, zeros};
 use faer::Mat;
 use faer::linalg::solvers::Solve;
@@ -190,6 +189,22 @@ impl StateSpace {
         }
     }
 
+    /// The same plant with its states in these units, `nx`: its eigenvalues and gains stay. They are best
+    /// computed where the states have a like size; entries of A in other units hide what rounding leaves.
+    ///
+    /// # Panics
+    ///
+    /// If there are fewer units than states.
+    #[must_use]
+    pub fn in_units(&self, units: &[f64]) -> Self {
+        let n = self.a.nrows();
+        Self {
+            a: Mat::from_fn(n, n, |i, k| self.a[(i, k)] * units[k] / units[i]),
+            b: Mat::from_fn(n, self.b.ncols(), |i, k| self.b[(i, k)] / units[i]),
+            c: Mat::from_fn(self.c.nrows(), n, |i, k| self.c[(i, k)] * units[k]),
+        }
+    }
+
     /// Returns the eigenvalues of A in 1/s, or none if they cannot be computed. An eigenvalue that rounding
     /// cannot tell from 0 is 0, and so is such a real part. How far rounding moves each eigenvalue is
     /// estimated from a matrix with rounded entries, since integrators in series have eigenvalues that are off
@@ -200,9 +215,8 @@ impl StateSpace {
         let off = |i: usize, j: usize| {
             if (i + 2 * j).is_multiple_of(3) { f64::EPSILON } else { -f64::EPSILON }
         };
-        let a = balanced(&self.a);
-        let rounded = eigenvalues(&Mat::from_fn(n, n, |i, j| a[(i, j)] * (1.0 + off(i, j))));
-        let values = eigenvalues(&a);
+        let rounded = eigenvalues(&Mat::from_fn(n, n, |i, j| self.a[(i, j)] * (1.0 + off(i, j))));
+        let values = eigenvalues(&self.a);
         let fastest = values.iter().fold(0.0, |most: f64, value| most.max(value.abs()));
         let known = |value: &Complex| {
             let moved = rounded.iter().map(|v| (v.re - value.re).hypot(v.im - value.im));
@@ -251,7 +265,7 @@ impl StateSpace {
     /// integrates.
     #[must_use]
     pub fn static_gain(&self) -> Option<StaticGain> {
-        if is_singular(&balanced(&self.a)) {
+        if is_singular(&self.a) {
             return None;
         }
         let gain = -(&self.c * self.a.partial_piv_lu().solve(&self.b));

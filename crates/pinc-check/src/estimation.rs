@@ -1,8 +1,9 @@
 //! The estimator: whether what is measured tells what is estimated, and whether control with it is
 //! free of offset.
 
+use crate::soundness::modes_at;
 use crate::{Finding, Operating, Rehearsal, Subject, gate};
-use pinc_analysis::{OperatingPoint, StateSpace, UnseenMode, unseen_along, unseen_modes};
+use pinc_analysis::{OperatingPoint, UnseenMode, unseen_along, unseen_modes};
 use pinc_config::{ControlSpec, DisturbanceSpec, EstimatorSpec, LoopParameters, Variables};
 use pinc_estimate::Augmented;
 use pinc_ode::{Integrator, LinearizationBuffer, Model, OutputLinearizationBuffer, Stages};
@@ -158,8 +159,8 @@ fn at_rest(of: Estimating<'_>, names: &[String], point: &OperatingPoint) -> Vec<
     if let Some(mode) = unseen(of, point).into_iter().next() {
         findings.push(undetectable(&mode, names));
     }
-    let unstable = StateSpace::tangent(of.subject.plant, point, &[0])
-        .is_some_and(|plant| plant.eigenvalues().iter().any(|value| value.re > 0.0));
+    let modes = modes_at(of.subject.plant, &of.subject.region, point);
+    let unstable = modes.is_some_and(|modes| modes.iter().any(|value| value.re > 0.0));
     if unstable && of.estimator.disturbance == DisturbanceSpec::Output {
         let what = "output disturbances with an unstable steady state";
         findings.push(

@@ -45,7 +45,7 @@ fn outputs<'a>(subject: &'a Subject<'_>) -> Vec<&'a str> {
 
 fn of_gain(subject: &Subject<'_>, place: &str, linear: &StateSpace) -> Vec<Finding> {
     let path = format!("from {} to {}", subject.inputs(), outputs(subject).join(", "));
-    let Some(gain) = linear.static_gain() else {
+    let Some(gain) = linear.in_units(&subject.region.widths()).static_gain() else {
         let what = format!("no static gain {path}: the plant integrates (an eigenvalue is 0)");
         return vec![Finding::fact(place, what)];
     };
@@ -106,7 +106,8 @@ fn of_zeros(subject: &Subject<'_>, place: &str, linear: &StateSpace) -> Vec<Find
         TransmissionZeros::Finite(zeros) => zeros,
         TransmissionZeros::Degenerate { rank } => return vec![degenerate(subject, place, rank)],
     };
-    let fastest = TimeScales::of(&linear.eigenvalues()).fastest.max(f64::MIN_POSITIVE);
+    let modes = linear.in_units(&subject.region.widths()).eigenvalues();
+    let fastest = TimeScales::of(&modes).fastest.max(f64::MIN_POSITIVE);
     let is_zero = |s: f64| s.abs() < AT_ZERO * fastest;
     let shown: Vec<_> = zeros
         .iter()

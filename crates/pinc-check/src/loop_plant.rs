@@ -40,7 +40,8 @@ fn plants(subject: &Subject<'_>, step_s: f64) -> Vec<PlantInTheLoop> {
 fn other_sign(subject: &Subject<'_>, control: &ControlSpec, step_s: f64) -> Option<Finding> {
     let controlled = subject.controlled();
     let gain = |plant: &dyn DynRhs, point: &OperatingPoint| {
-        StateSpace::tangent(plant, point, &controlled)?.static_gain()
+        let tangent = StateSpace::tangent(plant, point, &controlled)?;
+        tangent.in_units(&subject.region.widths()).static_gain()
     };
     let plants = plants(subject, step_s);
     subject.steady_points().into_iter().find_map(|(name, point)| {

@@ -25,25 +25,32 @@ pub(crate) fn of(experiment: &Experiment, dims: Dims) -> Option<(Region, &'stati
             }
         }
     }
+    let mut all_bounded = true;
     for (i, (low, high)) in low.iter_mut().zip(&mut high).enumerate() {
         let shown = low.abs().max(high.abs());
         let tells = |bound: &f64| bound.is_finite() && !ControlSpec::is_far(*bound, shown);
         let bound = |of: &Option<Vec<f64>>| Some(of.as_ref()?[i]).filter(tells);
-        (*low, *high) = ends((*low, *high), bound(&control.state_low), bound(&control.state_high));
+        let bounds = [bound(&control.state_low), bound(&control.state_high)];
+        all_bounded &= bounds.iter().all(Option::is_some);
+        (*low, *high) = ends((*low, *high), bounds);
     }
     low.extend(&control.input_low);
     high.extend(&control.input_high);
-    Some((Region::new(dims, low, high), "the controller's bounds"))
+    let name = match all_bounded {
+        true => "the controller's bounds",
+        false => "the box of start, references and bounds",
+    };
+    Some((Region::new(dims, low, high), name))
 }
 
 /// The ends for a state with start and references in a range, and with these bounds.
-fn ends((from, to): (f64, f64), low: Option<f64>, high: Option<f64>) -> (f64, f64) {
+fn ends((from, to): (f64, f64), bounds: [Option<f64>; 2]) -> (f64, f64) {
     let (below, above) = if from < to { (from, to) } else { (from - 0.5, to + 0.5) };
-    match (low, high) {
-        (Some(low), Some(high)) => (low, high),
-        (Some(low), None) => (low.min(from), above.max(low)),
-        (None, Some(high)) => (below.min(high), high.max(to)),
-        (None, None) => (below, above),
+    match bounds {
+        [Some(low), Some(high)] => (low, high),
+        [Some(low), None] => (low.min(from), above.max(low)),
+        [None, Some(high)] => (below.min(high), high.max(to)),
+        [None, None] => (below, above),
     }
 }
 
@@ -105,10 +112,10 @@ mod tests {
             assert_eq!(ends(bounds), expected, "{bounds}");
         }
         // Start and reference are one value: 1 about it, up to the bound.
-        assert_eq!(super::ends((3.0, 3.0), None, Some(3.2)), (2.5, 3.2));
-        assert_eq!(super::ends((3.0, 3.0), None, Some(1.0)), (1.0, 3.0));
-        assert_eq!(super::ends((3.0, 3.0), Some(3.0), None), (3.0, 3.5));
-        assert_eq!(super::ends((3.0, 3.0), Some(4.0), None), (3.0, 4.0));
+        assert_eq!(super::ends((3.0, 3.0), [None, Some(3.2)]), (2.5, 3.2));
+        assert_eq!(super::ends((3.0, 3.0), [None, Some(1.0)]), (1.0, 3.0));
+        assert_eq!(super::ends((3.0, 3.0), [Some(3.0), None]), (3.0, 3.5));
+        assert_eq!(super::ends((3.0, 3.0), [Some(4.0), None]), (3.0, 4.0));
     }
 
     /// One substep of RK4 is exact enough for a rate of 0.5 1/s and steps of 0.1 s, in any box. The

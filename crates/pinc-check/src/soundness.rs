@@ -137,7 +137,7 @@ impl<'a> IntegratorBox<'a> {
         let truth = truth.filter(|truth| !truth.points().is_empty());
         let points = STABILITY_POINTS * crate::MANY_STATES / region.dims.nx.max(crate::MANY_STATES);
         let modes = region.points(seed).take(points);
-        let modes = modes.filter_map(|point| modes_at(plant, &point)).collect();
+        let modes = modes.filter_map(|point| modes_at(plant, &region, &point)).collect();
         Some(Self {
             plant,
             experiment,
@@ -218,8 +218,13 @@ impl<'a> IntegratorBox<'a> {
 }
 
 /// The eigenvalues of the plant at a point; `None` if its derivatives are not finite there.
-pub(crate) fn modes_at(plant: &dyn DynRhs, point: &OperatingPoint) -> Option<Vec<Complex>> {
-    StateSpace::tangent(plant, point, &[]).map(|tangent| tangent.eigenvalues())
+pub(crate) fn modes_at(
+    plant: &dyn DynRhs,
+    region: &Region,
+    point: &OperatingPoint,
+) -> Option<Vec<Complex>> {
+    let tangent = StateSpace::tangent(plant, point, &[])?;
+    Some(tangent.in_units(&region.widths()).eigenvalues())
 }
 
 /// The region as a domain; a variable that does not vary has a width of 1 there.

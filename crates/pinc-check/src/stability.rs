@@ -32,7 +32,7 @@ pub(crate) fn examine(subject: &Subject<'_>) -> Vec<Finding> {
     }
     for Operating { name, point, is_steady } in points {
         let place = format!("{name}, {}", subject.at(point));
-        let Some(modes) = modes_at(subject.plant, point) else {
+        let Some(modes) = modes_at(subject.plant, &subject.region, point) else {
             findings.push(
                 Finding::warning(place, "the derivatives are not finite there")
                     .because(
@@ -55,7 +55,7 @@ pub(crate) fn examine(subject: &Subject<'_>) -> Vec<Finding> {
             let scales = match beyond_knee(subject.plant, point, &subject.region) {
                 Some((i, beside)) => {
                     findings.push(knee(subject, &place, i, &beside));
-                    let beyond = modes_at(subject.plant, &beside);
+                    let beyond = modes_at(subject.plant, &subject.region, &beside);
                     TimeScales::of(beyond.as_deref().unwrap_or(&modes))
                 }
                 None => TimeScales::of(&modes),
@@ -222,7 +222,7 @@ fn stiff(subject: &Subject<'_>, found: &[(String, Vec<Complex>)]) -> Option<Find
 /// What is around a point whose linearization holds for that point alone.
 fn knee(subject: &Subject<'_>, place: &str, i: usize, beside: &OperatingPoint) -> Finding {
     let name = &subject.plant.states()[i].name;
-    let modes = modes_at(subject.plant, beside);
+    let modes = modes_at(subject.plant, &subject.region, beside);
     let modes = modes.map_or_else(String::new, |modes| describe(subject, &modes));
     let at = short(beside.x[i]);
     Finding::fact(
@@ -303,7 +303,7 @@ fn stable_substeps(
 ) -> Vec<Finding> {
     let step = subject.step_s();
     let needed = |point: &OperatingPoint| {
-        let modes = modes_at(subject.plant, point)?;
+        let modes = modes_at(subject.plant, &subject.region, point)?;
         Some(stability.stable_substeps(&modes, step).unwrap_or(usize::MAX))
     };
     let mut findings = Vec::new();
@@ -314,7 +314,7 @@ fn stable_substeps(
     if let Some((n, name, point)) = worst.max_by_key(|(n, ..)| *n)
         && n > substeps
     {
-        let modes = modes_at(subject.plant, point);
+        let modes = modes_at(subject.plant, &subject.region, point);
         let fastest = modes.map_or(0.0, |modes| TimeScales::of(&modes).fastest);
         let size = fastest * step / substeps as f64;
         let what = format!(

@@ -52,7 +52,6 @@
 /* Of the elastic mode: weight of violations, and whether bounds on states and outputs stay
    so soft. */
 #define PINC_ELASTIC_WEIGHT PINC_PICK(1e3, 10)
-#define PINC_HARDER PINC_PICK(1e3, 10)
 #define PINC_STATES_EXACT @STATES_EXACT@
 #define PINC_OUTPUTS_EXACT @OUTPUTS_EXACT@
 /* The largest entry of W. */

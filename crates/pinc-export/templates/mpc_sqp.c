@@ -393,24 +393,17 @@ static void pinc_enter_elastic(pinc_mpc *m)
     const PINC_REAL sizes = pinc_largest(qp->gradient, PINC_UNKNOWNS) + changing +
                             pinc_largest(m->r, PINC_INPUTS * PINC_NU) + PINC_LARGEST_W;
     const PINC_REAL weight = PINC_ELASTIC_WEIGHT * pinc_max(sizes, PINC_N(1));
-    PINC_REAL hard = ((PINC_OUTPUTS_EXACT != 0) && (PINC_OUTPUT_ROWS > 0)) ? (PINC_HARDER * weight)
-                                                                           : weight;
     int v;
     m->elastic = 1;
     m->count = 0;
-    for (v = 0; (PINC_STATES_EXACT != 0) && (v < PINC_STATES); v++) {
-        if ((pinc_all_finite(&qp->low[v], 1) | pinc_all_finite(&qp->high[v], 1)) != 0) {
-            hard = PINC_HARDER * weight;
-        }
-    }
     for (v = 0; v < PINC_STATES; v++) {
         if (!(m->penalty[v] < PINC_INFINITY)) {
-            m->penalty[v] = (PINC_STATES_EXACT != 0) ? weight : hard;
+            m->penalty[v] = weight;
         }
     }
     for (v = 0; v < PINC_OUTPUT_ROWS; v++) {
         if (!(m->output_penalty[v] < PINC_INFINITY)) {
-            m->output_penalty[v] = (PINC_OUTPUTS_EXACT != 0) ? weight : hard;
+            m->output_penalty[v] = weight;
         }
     }
 }

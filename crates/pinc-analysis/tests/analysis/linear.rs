@@ -207,3 +207,24 @@ fn slow_modes_and_integrators_are_told_apart() {
         assert_eq!(neutral, integrators, "{modes:?}");
     }
 }
+
+/// Entries of 1e-9 beside 1e9 are no rounding where states have units of 1e-9 and 1e9.
+#[test]
+fn modes_and_gains_do_not_depend_on_units() {
+    let a = [-0.03, 0.01, 0.004, 0.02, -0.02, 0.005, 0.003, 0.01, -0.01];
+    let (b, c) = ([0.0, 0.01, 0.0], [0.0, 1.0, 0.0]);
+    let plain = StateSpace::new(&a, &b, &c, 3);
+    let units = [1e-9, 1e9, 1.0];
+    let scaled = plain.in_units(&units.map(|unit: f64| unit.recip()));
+    let modes = |plant: &StateSpace| {
+        let mut modes: Vec<f64> = plant.eigenvalues().iter().map(|mode| mode.re).collect();
+        modes.sort_by(f64::total_cmp);
+        modes
+    };
+    let again = scaled.in_units(&units);
+    for (found, expected) in modes(&again).iter().zip(modes(&plain)) {
+        assert!((found - expected).abs() < 1e-12, "{found} {expected}");
+    }
+    let gain = |plant: &StateSpace| plant.static_gain().unwrap().matrix[0];
+    assert!((gain(&again) / gain(&plain) - 1.0).abs() < 1e-9);
+}

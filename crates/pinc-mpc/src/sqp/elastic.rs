@@ -12,10 +12,6 @@ use pinc_qp::{Kind, OcpDims, Qp, Row};
 /// The weight of a violation where it cannot be avoided, in terms of the cost's largest slope and curvature.
 const ELASTIC_WEIGHT: f64 = 1e3;
 
-/// So many times as much a violation of a hard constraint weighs where there are others that may be
-/// violated.
-const HARDER: f64 = 1e3;
-
 impl Sqp {
     /// Makes the hard constraints on states soft.
     #[inline(never)]
@@ -31,18 +27,10 @@ impl Sqp {
         let weight = ELASTIC_WEIGHT * parts.map(|part| size(part)).iter().sum::<f64>().max(1.0);
         let weight = self.weight.filter(|_| self.keeps_weight).unwrap_or(weight);
         self.weight = Some(weight);
-        let (states, exact) = (qp.dims.all_states(), &self.exact);
-        let ends = qp.bounds.low.iter().zip(&qp.bounds.high).zip(&exact[0]).take(states);
-        let mut ends = ends.chain(qp.rows.low.iter().zip(&qp.rows.high).zip(&exact[1]));
-        let has_exact =
-            ends.any(|((low, high), exact)| *exact && (low.is_finite() || high.is_finite()));
-        let hard = if has_exact { HARDER * weight } else { weight };
+        let states = qp.dims.all_states();
         for qp in [&mut self.qp, &mut self.trial] {
             let rows = qp.bounds.penalty[..states].iter_mut().chain(&mut qp.rows.penalty);
-            let rows = rows.zip(exact[0][..states].iter().chain(&exact[1]));
-            for (penalty, exact) in rows.filter(|(penalty, _)| penalty.is_infinite()) {
-                *penalty = if *exact { weight } else { hard };
-            }
+            rows.filter(|penalty| penalty.is_infinite()).for_each(|penalty| *penalty = weight);
         }
     }
 
