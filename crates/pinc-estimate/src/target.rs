@@ -117,7 +117,8 @@ impl SteadyTarget {
 
     /// Forgets all searches: the next one begins where the first did.
     pub fn reset(&mut self) {
-        self.nmpc.reset_input(&self.first).expect("it was taken before");
+        // It was taken before, and is again.
+        self.nmpc.reset_input(&self.first).ok();
         self.asked.fill(f64::NAN);
         (self.status, self.not_found) = (None, 0);
     }

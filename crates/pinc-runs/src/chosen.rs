@@ -58,8 +58,7 @@ pub(super) struct Chosen<'e> {
 }
 
 impl<'e> Chosen<'e> {
-    /// The model that `only` names, or else the net of `model` if one is given, or else the
-    /// config's first.
+    /// The model that `only` names, or else the net of `model` if one is given, or else the config's first.
     pub(super) fn of(
         experiment: &'e Experiment,
         model: Option<ModelFile<'_>>,

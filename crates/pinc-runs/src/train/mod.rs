@@ -31,8 +31,7 @@ const TIME_LIMIT: &str = "time-limit";
 /// Time between two looks at how many threads a training may use.
 const LOOK_EVERY: Duration = Duration::from_secs(2);
 
-/// How many threads a training may use, which can change while it runs. Its bits do not depend on
-/// them.
+/// How many threads a training may use, which can change while it runs. Its bits do not depend on them.
 pub struct Threads<'a> {
     now: &'a (dyn Fn() -> usize + 'a),
     every: Duration,
@@ -170,8 +169,7 @@ impl Session {
         let begun = Instant::now();
         let mut fingerprint = experiment.normalized().fingerprint();
         if let Some(data) = &inputs.measured {
-            // The config only names the files; a training is resumed with the same measurements or
-            // not at all.
+            // The config only names the files; a training is resumed with the same measurements or not at all.
             fingerprint.extend(data.digest.iter().map(|byte| format!("{byte:02x}")));
         }
         let fresh = Self {
