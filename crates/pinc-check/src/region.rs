@@ -108,6 +108,8 @@ mod tests {
             // Two bounds are the box, wherever the loop starts.
             ("state_low = [0.0]\nstate_high = [1.0]", (0.0, 1.0)),
             ("state_low = [0.0]\nstate_high = [4.0]", (0.0, 4.0)),
+            // These may stand for none.
+            ("state_low = [-1e6]\nstate_high = [1e6]", (2.0, 3.0)),
         ] {
             assert_eq!(ends(bounds), expected, "{bounds}");
         }

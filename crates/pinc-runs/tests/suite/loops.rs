@@ -430,3 +430,65 @@ fn noise_follows_its_own_seed() {
     assert_eq!(input(&["control.noise_seed=1", "seed=7"]), own);
     assert_ne!(input(&["control.noise_seed=2"]), own);
 }
+
+/// A stirred-tank reactor for three rates, with bounds on increments and one on a state that is active.
+const TREE: &str = r#"
+name = "tree"
+preset = "ours"
+seed = 1
+[plant.expression]
+states = ["a", "b", "reactor", "jacket"]
+inputs = ["flow", "heat"]
+parameters = { rate = 1.287e12 }
+[plant.expression.let]
+kelvin = "reactor + 273.15"
+k1 = "rate*exp(-9758.3/kelvin)*a"
+k2 = "1.287e12*exp(-9758.3/kelvin)*b"
+k3 = "9.043e9*exp(-8560.0/kelvin)*a^2"
+wall = "866.88*(reactor - jacket)"
+[plant.expression.derivatives]
+a = "(flow*(5.1 - a) - k1 - k3)/3600"
+b = "(k1 - k2 - flow*b)/3600"
+reactor = "((11.0*k2 + 41.85*k3 - 4.2*k1)/2.812 + flow*(130 - reactor) - wall/28.15)/3600"
+jacket = "(heat + wall)/36000"
+[control]
+models = ["rk4"]
+step_s = 60.0
+rk4_substeps = 4
+duration_s = 600.0
+initial_state = [2.14, 1.09, 114.2, 112.9]
+initial_input = [14.19, -1113.5]
+controlled = ["reactor", "b"]
+q = [50.0, 4e5]
+r = [50.0, 1e-3]
+n2 = 10
+nu = 10
+input_low = [3.0, -8500.0]
+input_high = [35.0, 0.0]
+increment_low = [-5.0, -1000.0]
+increment_high = [5.0, 1000.0]
+state_low = [0.1, 0.1, 80.0, 60.0]
+state_high = [4.0, 2.0, 116.5, 140.0]
+state_softness = "exact"
+references = [{ start_s = 0.0, value = [116.0, 1.05] }]
+repetitions = 1
+scenarios = { values = { rate = [1.287e12, 1.35135e12, 1.22265e12] } }
+"#;
+
+/// A factor of all weights moves no minimum, and leaves no step without one.
+#[test]
+fn trees_are_solved_at_any_scale_of_the_weights() {
+    let inputs = |factor: f64| {
+        let [q, r] = [[50.0, 4e5], [50.0, 1e-3]].map(|weights| weights.map(|w| w * factor));
+        let sets = [format!("control.q={q:?}"), format!("control.r={r:?}")];
+        let experiment = experiment(TREE, &[&sets[0], &sets[1]]);
+        let dir = tempfile::tempdir().unwrap();
+        let metrics = control(dir.path(), &experiment, false, None);
+        assert_eq!(metrics.control[0].status.get("converged"), Some(&10), "{factor}");
+        metrics.control[0].iae
+    };
+    let expected = inputs(1e-3);
+    for factor in [1.0, 1e3, 1e5] {
+        assert!((inputs(factor) / expected - 1.0).abs() < 1e-5, "{factor}");
+    }
+}
