@@ -39,14 +39,17 @@ pub fn beyond_knee(
     region: &Region,
 ) -> Option<(usize, OperatingPoint)> {
     let at_point = StateSpace::tangent(plant, point, &[])?;
-    let here = TimeScales::of(&at_point.eigenvalues()).fastest;
+    let widths = region.widths();
+    let fastest_of =
+        |tangent: &StateSpace| TimeScales::of(&tangent.in_units(&widths).eigenvalues()).fastest;
+    let here = fastest_of(&at_point);
     // In a large plant a state changes few entries, and eigenvalues take long.
     let fastest = |point: &OperatingPoint| {
         let tangent = StateSpace::tangent(plant, point, &[])?;
         if !changes(&at_point, &tangent) {
             return Some(here);
         }
-        Some(TimeScales::of(&tangent.eigenvalues()).fastest)
+        Some(fastest_of(&tangent))
     };
     let beside = |i: usize| {
         let moved = |by: f64| {

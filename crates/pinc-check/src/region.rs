@@ -5,10 +5,10 @@ use pinc_config::{ControlSpec, Experiment};
 use pinc_ode::Dims;
 
 /// The box and what it is called: the training domain, or else the controller's bounds. A state
-/// without bounds, or with such as may stand for none, has the range of the start and the references, or 1
-/// about the start. One with a
-/// bound on one side only has this for the other side, and start and references beyond its bound
-/// are in the box as well, so that no lower end is above an upper one.
+/// without bounds, or with such as may stand for none, has the range of the start and the
+/// references, or 1 about the start. One with a bound on one side only has this for the other side,
+/// and start and references beyond its bound are in the box as well, so that no lower end is above
+/// an upper one.
 pub(crate) fn of(experiment: &Experiment, dims: Dims) -> Option<(Region, &'static str)> {
     if let Some(domain) = &experiment.domain {
         let low = [&domain.state_low[..], &domain.input_low].concat();

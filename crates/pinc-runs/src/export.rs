@@ -258,6 +258,7 @@ fn unexported(spec: &ControlSpec) -> [(&'static str, &'static str, bool); 5] {
     let instead = "process_sd and boxes, or `pinc serve`";
     let has = |of: fn(&UncertaintySpec) -> bool| spec.uncertainty.as_ref().is_some_and(of);
     let bounds_outputs = spec.output_low.is_some() || spec.output_high.is_some();
+    let in_outputs = spec.estimator.as_ref().is_some_and(in_outputs);
     [
         ("control.uncertainty.parameters", instead, has(|of| !of.parameters.is_empty())),
         ("control.uncertainty.estimate", instead, has(|of| of.estimate)),
@@ -271,7 +272,7 @@ fn unexported(spec: &ControlSpec) -> [(&'static str, &'static str, bool); 5] {
             // Their derivatives are the last step's there, and depend on what is estimated since.
             "control.uncertainty with bounds on outputs, and estimated parameters or an output disturbance",
             "bounds on states and inputs, or `pinc serve`",
-            has(|_| true) && bounds_outputs && spec.estimator.as_ref().is_some_and(in_outputs),
+            spec.uncertainty.is_some() && bounds_outputs && in_outputs,
         ),
     ]
 }

@@ -215,13 +215,18 @@ fn modes_and_gains_do_not_depend_on_units() {
     let (b, c) = ([0.0, 0.01, 0.0], [0.0, 1.0, 0.0]);
     let plain = StateSpace::new(&a, &b, &c, 3);
     let units = [1e-9, 1e9, 1.0];
-    let scaled = plain.in_units(&units.map(|unit: f64| unit.recip()));
+    // The states of `plain` are those of this plant in its units.
+    let a: Vec<f64> = (0..9).map(|at| a[at] * units[at / 3] / units[at % 3]).collect();
+    let (b, c) = ([0, 1, 2].map(|i| b[i] * units[i]), [0, 1, 2].map(|k| c[k] / units[k]));
+    let scaled = StateSpace::new(&a, &b, &c, 3);
     let modes = |plant: &StateSpace| {
         let mut modes: Vec<f64> = plant.eigenvalues().iter().map(|mode| mode.re).collect();
         modes.sort_by(f64::total_cmp);
         modes
     };
     let again = scaled.in_units(&units);
+    let is_lost = |(found, expected): (&f64, f64)| (found - expected).abs() > 1e-6;
+    assert!(modes(&scaled).iter().zip(modes(&plain)).any(is_lost), "{:?}", modes(&scaled));
     for (found, expected) in modes(&again).iter().zip(modes(&plain)) {
         assert!((found - expected).abs() < 1e-12, "{found} {expected}");
     }
