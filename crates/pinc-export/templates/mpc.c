@@ -54,6 +54,10 @@
 #define PINC_ELASTIC_WEIGHT PINC_PICK(1e3, 10)
 #define PINC_STATES_EXACT @STATES_EXACT@
 #define PINC_OUTPUTS_EXACT @OUTPUTS_EXACT@
+/* Which hard bounds on states and outputs are soft for now. */
+#define PINC_AS_STATED 0
+#define PINC_EXACT_SOFT 1
+#define PINC_ALL_SOFT 2
 /* The largest entry of W. */
 #define PINC_LARGEST_W PINC_N(@LARGEST_W@)
 /* Rows of bounded outputs, as the mean of all multipliers counts them. */

@@ -248,6 +248,7 @@ static PINC_REAL pinc_split(pinc_dense *s, int row, int *dependent)
 static void pinc_resolve(pinc_dense *s)
 {
     const int n = PINC_INPUTS;
+    int twice = (s->proximal > PINC_N(0)) ? 1 : 0;
     int k;
     int i;
     for (k = 0; k < s->members; k++) {
@@ -260,6 +261,7 @@ static void pinc_resolve(pinc_dense *s)
         if (pinc_abs(s->mu[k]) > PINC_N(0)) {
             pinc_normal(s, k, s->z);
             pinc_add_scaled(s->y, -s->mu[k], s->z, n);
+            twice = 1;
         }
     }
     pinc_forward(s, s->y);
@@ -269,8 +271,9 @@ static void pinc_resolve(pinc_dense *s)
     }
     pinc_copy(s->z, s->rates, s->members);
     pinc_qr_meet(s, s->rates);
-    if (s->proximal > PINC_N(0)) {
-        /* What no row holds is as large in y as 1 / proximal: this takes off what rounding left. */
+    if (twice != 0) {
+        /* What no working row holds is as large in y as 1 / proximal, or as what violations cost: this takes
+           off what rounding left. */
         pinc_qr_meet(s, s->z);
         pinc_add_scaled(s->rates, PINC_N(1), s->z, s->members);
     }

@@ -380,8 +380,44 @@ static PINC_REAL pinc_slope(const pinc_mpc *m, const pinc_qp *qp)
 
 /* ---- Sequential quadratic programming ------------------------------------------------------- */
 
-/* Hard constraints on states become soft, at a weight above their multipliers. */
-static void pinc_enter_elastic(pinc_mpc *m)
+#if PINC_STATES_EXACT != PINC_OUTPUTS_EXACT
+static int pinc_has_hard(const PINC_REAL *low, const PINC_REAL *high, const PINC_REAL *penalty,
+                         int count)
+{
+    int v;
+    for (v = 0; v < count; v++) {
+        if (!(penalty[v] < PINC_INFINITY) &&
+            ((low[v] > -PINC_INFINITY) || (high[v] < PINC_INFINITY))) {
+            return 1;
+        }
+    }
+    return 0;
+}
+
+/* Whether bounds on states and on outputs are hard, of which one kind stays soft. */
+static int pinc_softens_in_turn(const pinc_mpc *m, const pinc_qp *qp)
+{
+    return ((pinc_has_hard(qp->low, qp->high, m->penalty, PINC_STATES) != 0) &&
+            (pinc_has_hard(qp->output_low, qp->output_high, m->output_penalty, PINC_OUTPUT_ROWS) !=
+             0))
+               ? 1
+               : 0;
+}
+#endif
+
+static void pinc_weigh_hard(PINC_REAL *penalty, const PINC_REAL *own, int count, PINC_REAL weight)
+{
+    int v;
+    for (v = 0; v < count; v++) {
+        if (!(own[v] < PINC_INFINITY)) {
+            penalty[v] = weight;
+        }
+    }
+}
+
+/* More of the hard constraints on states become soft, at a weight above their multipliers: those first that
+   stay soft where they have to be. 0 if all are soft. */
+static int pinc_enter_elastic(pinc_mpc *m)
 {
     const pinc_qp *qp = &m->qp[m->at];
 #if PINC_TRACKS_OUTPUTS
@@ -393,19 +429,24 @@ static void pinc_enter_elastic(pinc_mpc *m)
     const PINC_REAL sizes = pinc_largest(qp->gradient, PINC_UNKNOWNS) + changing +
                             pinc_largest(m->r, PINC_INPUTS * PINC_NU) + PINC_LARGEST_W;
     const PINC_REAL weight = PINC_ELASTIC_WEIGHT * pinc_max(sizes, PINC_N(1));
-    int v;
-    m->elastic = 1;
+    if (m->elastic == PINC_ALL_SOFT) {
+        return 0;
+    }
+#if PINC_STATES_EXACT != PINC_OUTPUTS_EXACT
+    m->elastic = ((m->elastic == PINC_AS_STATED) && (pinc_softens_in_turn(m, qp) != 0))
+                     ? PINC_EXACT_SOFT
+                     : PINC_ALL_SOFT;
+#else
+    m->elastic = PINC_ALL_SOFT;
+#endif
     m->count = 0;
-    for (v = 0; v < PINC_STATES; v++) {
-        if (!(m->penalty[v] < PINC_INFINITY)) {
-            m->penalty[v] = weight;
-        }
+    if ((m->elastic == PINC_ALL_SOFT) || (PINC_STATES_EXACT != 0)) {
+        pinc_weigh_hard(m->penalty, pinc_penalty, PINC_STATES, weight);
     }
-    for (v = 0; v < PINC_OUTPUT_ROWS; v++) {
-        if (!(m->output_penalty[v] < PINC_INFINITY)) {
-            m->output_penalty[v] = weight;
-        }
+    if ((m->elastic == PINC_ALL_SOFT) || (PINC_OUTPUTS_EXACT != 0)) {
+        pinc_weigh_hard(m->output_penalty, pinc_output_penalty, PINC_OUTPUT_ROWS, weight);
     }
+    return 1;
 }
 
 static void pinc_move_part(PINC_REAL *to, const PINC_REAL *from, const PINC_REAL *step, int count,
@@ -658,21 +699,24 @@ static void pinc_step_on_the_way(pinc_mpc *m)
     m->standing = PINC_UNDERWAY;
 }
 
-/* Makes hard constraints soft, with the limits that the program at the plan has then; 0 if the budget is
-   spent. */
-static int pinc_soften(pinc_mpc *m, const PINC_REAL *reference, PINC_REAL *cost)
+/* Makes more hard constraints soft, with the limits that the program at the plan has then. Gives how the
+   iteration ends if none is left (`otherwise`) or the budget is spent; PINC_CONVERGED if it goes on. */
+static pinc_status pinc_soften(pinc_mpc *m, const PINC_REAL *reference, PINC_REAL *cost,
+                               pinc_status otherwise)
 {
-    pinc_enter_elastic(m);
+    if (pinc_enter_elastic(m) == 0) {
+        return otherwise;
+    }
 #if PINC_OUTPUT_STARTS
     if (pinc_evaluate(m, m->plan.z, reference, &m->qp[1 - m->at], cost) == 0) {
-        return 0;
+        return PINC_DEADLINE;
     }
     m->at = 1 - m->at;
 #else
     (void)reference;
     (void)cost;
 #endif
-    return 1;
+    return PINC_CONVERGED;
 }
 
 /* Improves the plan, at which the problem is linearized; gives how that ended. */
@@ -703,11 +747,9 @@ static pinc_status pinc_iterate(pinc_mpc *m, const PINC_REAL *reference, PINC_RE
             return PINC_DEADLINE;
         }
         if (solved == PINC_QP_INFEASIBLE) {
-            if (m->elastic != 0) {
-                return PINC_INFEASIBLE_QP;
-            }
-            if (pinc_soften(m, reference, &cost) == 0) {
-                return PINC_DEADLINE;
+            const pinc_status status = pinc_soften(m, reference, &cost, PINC_INFEASIBLE_QP);
+            if (status != PINC_CONVERGED) {
+                return status;
             }
             continue;
         }
@@ -721,11 +763,10 @@ static pinc_status pinc_iterate(pinc_mpc *m, const PINC_REAL *reference, PINC_RE
         }
         if (found == PINC_FOUND) {
             kkt = m->kkt;
-        } else if (m->elastic != 0) {
-            return PINC_STALLED;
         } else {
-            if (pinc_soften(m, reference, &cost) == 0) {
-                return PINC_DEADLINE;
+            const pinc_status status = pinc_soften(m, reference, &cost, PINC_STALLED);
+            if (status != PINC_CONVERGED) {
+                return status;
             }
             kkt = pinc_residual(m, &m->qp[m->at], &m->plan.m);
         }
@@ -738,7 +779,7 @@ static pinc_status pinc_iterate(pinc_mpc *m, const PINC_REAL *reference, PINC_RE
 static pinc_status pinc_judge(pinc_mpc *m, pinc_status status)
 {
     const pinc_plan *judged = (m->standing == PINC_JUDGED) ? &m->plan : &m->base;
-    if (m->elastic != 0) {
+    if (m->elastic != PINC_AS_STATED) {
         if (PINC_STATES_EXACT == 0) {
             pinc_copy(m->penalty, pinc_penalty, PINC_STATES);
         }
@@ -750,7 +791,7 @@ static pinc_status pinc_judge(pinc_mpc *m, pinc_status status)
 #endif
     }
     (void)pinc_residual(m, &m->qp[m->at], &judged->m);
-    if ((m->elastic != 0) && (m->bounds_residual > PINC_KKT_TOLERANCE) &&
+    if ((m->elastic != PINC_AS_STATED) && (m->bounds_residual > PINC_KKT_TOLERANCE) &&
         ((status == PINC_CONVERGED) || (status == PINC_STALLED))) {
         status = PINC_INFEASIBLE_QP;
     }
@@ -767,7 +808,7 @@ static void pinc_restore_penalties(pinc_mpc *m)
 static pinc_status pinc_optimize(pinc_mpc *m, const PINC_REAL *reference)
 {
     PINC_REAL cost = PINC_N(0);
-    m->elastic = 0;
+    m->elastic = PINC_AS_STATED;
     pinc_restore_penalties(m);
     memset(&m->weights, 0, sizeof(m->weights));
     m->count = 0;

@@ -1,4 +1,5 @@
-//! The elastic mode: hard constraints on states made soft where they contradict each other.
+//! The elastic mode: hard constraints on states made soft where they contradict each other, those first that
+//! the problem has as soft where they have to be.
 
 use super::hessian::Hessian;
 use super::{Outcome, PlanState, Sqp};
@@ -12,11 +13,25 @@ use pinc_qp::{Kind, OcpDims, Qp, Row};
 /// The weight of a violation where it cannot be avoided, in terms of the cost's largest slope and curvature.
 const ELASTIC_WEIGHT: f64 = 1e3;
 
+/// Which hard constraints on states are soft for now.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Elastic {
+    None,
+    /// Those that the problem has as soft where they have to be ([`Softness::Exact`]).
+    Exact,
+    All,
+}
+
 impl Sqp {
-    /// Makes the hard constraints on states soft.
+    /// Makes more of the hard constraints on states soft; false if all are.
     #[inline(never)]
-    pub(super) fn enter_elastic(&mut self) {
-        self.elastic = true;
+    pub(super) fn soften_more(&mut self) -> bool {
+        let next = match self.elastic {
+            Elastic::None if self.has_exact_and_hard() => Elastic::Exact,
+            Elastic::None | Elastic::Exact => Elastic::All,
+            Elastic::All => return false,
+        };
+        self.elastic = next;
         self.acceleration.reset();
         let qp = match self.hessian.current() {
             Hessian::GaussNewton => &self.qp,
@@ -29,9 +44,31 @@ impl Sqp {
         self.weight = Some(weight);
         let states = qp.dims.all_states();
         for qp in [&mut self.qp, &mut self.trial] {
-            let rows = qp.bounds.penalty[..states].iter_mut().chain(&mut qp.rows.penalty);
-            rows.filter(|penalty| penalty.is_infinite()).for_each(|penalty| *penalty = weight);
+            let found = [&mut qp.bounds.penalty[..states], &mut qp.rows.penalty];
+            for ((found, own), exact) in found.into_iter().zip(&self.penalties).zip(&self.exact) {
+                for ((found, own), exact) in found.iter_mut().zip(own).zip(exact) {
+                    if own.is_infinite() && (*exact || next == Elastic::All) {
+                        *found = weight;
+                    }
+                }
+            }
         }
+        true
+    }
+
+    /// Whether some constraints on states are soft where they have to be, and others hard always.
+    fn has_exact_and_hard(&self) -> bool {
+        let states = self.qp.dims.all_states();
+        let limits = [(&self.qp.bounds, states), (&self.qp.rows, usize::MAX)];
+        let has = |wanted: bool| {
+            limits.iter().zip(&self.exact).any(|((limits, count), exact)| {
+                let rows = limits.iter().zip(exact).take(*count);
+                rows.into_iter().any(|([low, high, penalty], exact)| {
+                    *exact == wanted && penalty.is_infinite() && (low.is_finite() || high.is_finite())
+                })
+            })
+        };
+        has(true) && has(false)
     }
 
     /// Keeps the weight of violations for the rest of the control step, whose plans are compared.
@@ -41,8 +78,8 @@ impl Sqp {
 
     /// Makes hard constraints as they were.
     pub(super) fn leave_elastic(&mut self) {
-        if self.elastic {
-            self.elastic = false;
+        if self.elastic != Elastic::None {
+            self.elastic = Elastic::None;
             self.restore(true);
         }
     }
@@ -87,7 +124,7 @@ impl Sqp {
         plan: &Solution,
         conflict: Option<Row>,
     ) -> Outcome {
-        if self.elastic {
+        if self.elastic != Elastic::None {
             self.restore(false);
             admit_given(&mut self.qp);
             outcome.last = match outcome.plan_state {

@@ -17,6 +17,7 @@ use crate::solution::Solution;
 use crate::stage_cost::StageCost;
 use crate::transcription::Transcription;
 use crate::{BoundSchedule, MpcError, NmpcProblem, Softness, SqpConfig, SqpStatus, StepWork};
+use elastic::Elastic;
 use hessian::{Hessian, HessianChoice};
 use interior::{Interior, Phase};
 use pinc_ode::Memory;
@@ -38,7 +39,8 @@ const CONTRACTION: f64 = 0.9;
 ///
 /// If a linearized problem has no solution, or its step is none of descent, the hard constraints on
 /// states become soft for the rest of the control step (elastic mode): violated as little as
-/// possible, at a weight above their multipliers, so that they are met in the end if they can be.
+/// possible, at a weight above their multipliers, so that they are met in the end if they can be. Those that
+/// the problem has as [`Softness::Exact`](crate::Softness::Exact) do so first, the others if that is not enough.
 ///
 /// References: Nocedal and Wright, *Numerical Optimization*, chapter 18; Gill, Murray and Saunders,
 /// "SNOPT", SIAM Review 47 (2005), for the elastic mode; Diehl et al., "Real-time optimization for
@@ -78,8 +80,7 @@ pub(crate) struct Sqp {
     exact: [Vec<bool>; 2],
     /// Whether the problem has soft constraints.
     is_soft: bool,
-    /// Whether hard constraints are soft for now.
-    elastic: bool,
+    elastic: Elastic,
     /// The last weight of their violations, and whether it stays: plans of one step are compared by it.
     weight: Option<f64>,
     keeps_weight: bool,
@@ -141,7 +142,7 @@ impl Sqp {
             penalties: [qp.bounds.penalty.clone(), qp.rows.penalty.clone()],
             exact: elastic::exact(problem, dims),
             is_soft: kinds.iter().any(|of| **of != Softness::Hard),
-            elastic: false,
+            elastic: Elastic::None,
             weight: None,
             keeps_weight: false,
             interior: (exact && config.starts == 1).then(|| Interior::new(&qp, dims)),
@@ -294,14 +295,13 @@ impl Sqp {
         self.step.multipliers.copy_from(&plan.multipliers);
         match self.solver.solve(&self.qp, &mut self.step, expired) {
             QpStatus::Solved => (SqpStatus::Prepared, None),
-            QpStatus::Infeasible(row) if !self.elastic => {
-                self.enter_elastic();
-                match self.solve_prepared(plan, expired) {
-                    (SqpStatus::Prepared, _) => (SqpStatus::Prepared, self.broken_by_step()),
-                    (status, _) => (status, Some(row)),
-                }
+            QpStatus::Infeasible(row) if !self.soften_more() => {
+                (SqpStatus::InfeasibleQp, Some(row))
             }
-            QpStatus::Infeasible(row) => (SqpStatus::InfeasibleQp, Some(row)),
+            QpStatus::Infeasible(row) => match self.solve_prepared(plan, expired) {
+                (SqpStatus::Prepared, _) => (SqpStatus::Prepared, self.broken_by_step()),
+                (status, _) => (status, Some(row)),
+            },
             QpStatus::Failed => (SqpStatus::NumericalTrouble, None),
             QpStatus::Expired => (SqpStatus::Deadline, None),
         }
@@ -338,7 +338,7 @@ impl Sqp {
     ///     z, lambda = z + alpha d, lambda + alpha (lambda+ - lambda)
     /// ```
     ///
-    /// A QP without a solution, or a step without descent, makes hard constraints soft, once.
+    /// A QP without a solution, or a step without descent, makes hard constraints soft.
     fn optimize(
         &mut self,
         model: &mut Horizon,
@@ -412,10 +412,9 @@ impl Sqp {
                 }
                 QpStatus::Infeasible(row) => {
                     conflict = Some(row);
-                    if self.elastic {
+                    if !self.soften_more() {
                         break SqpStatus::InfeasibleQp;
                     }
-                    self.enter_elastic();
                     self.transcription.renew_output_limits(&mut self.qp);
                     self.hessian.restart(iterations);
                     continue;
@@ -427,7 +426,9 @@ impl Sqp {
             // alpha, z, lambda
             match self.search(model, input, plan, (point, least), expired) {
                 // The elastic weight may make too much of rounding.
-                Search::Found(next) if self.elastic && next == point => break SqpStatus::Stalled,
+                Search::Found(next) if self.elastic != Elastic::None && next == point => {
+                    break SqpStatus::Stalled;
+                }
                 Search::Found(next) => point = next,
                 Search::Expired => break SqpStatus::Deadline,
                 Search::Unevaluated => {
@@ -440,10 +441,8 @@ impl Sqp {
                         least = f64::INFINITY;
                     } else if self.hessian.give_up(iterations) {
                         continue;
-                    } else if self.elastic {
+                    } else if !self.soften_more() {
                         break SqpStatus::Stalled;
-                    } else {
-                        self.enter_elastic();
                     }
                     match self.try_point(model, input, plan, expired) {
                         Some(again) => point = again,

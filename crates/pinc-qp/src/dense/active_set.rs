@@ -356,10 +356,12 @@ impl ActiveSet {
         for (y, g) in y.iter_mut().zip(&*linear) {
             *y = -g;
         }
+        let mut twice = self.proximal > 0.0;
         for (row, &mu) in mu.iter().enumerate() {
             if mu.abs() > 0.0 {
                 qp.normal(row, z);
                 add_scaled(y, -mu, z);
+                twice = true;
             }
         }
         cholesky.forward(y);
@@ -367,8 +369,9 @@ impl ActiveSet {
             *rate = member.bound - self.at_center[member.row];
         }
         qr.solve_transposed(rates);
-        if self.proximal > 0.0 {
-            // What no row holds is as large in y as 1 / delta: twice takes off what rounding leaves.
+        if twice {
+            // What no working row holds is as large in y as 1 / delta, or as what violations cost: twice takes
+            // off what rounding leaves.
             let held = working.len();
             z[..held].copy_from_slice(&rates[..held]);
             qr.meet(y, z);
