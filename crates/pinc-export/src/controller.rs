@@ -181,9 +181,11 @@ impl<'a> Controller<'a> {
         self.estimator.map_or_else(Open::default, |of| Open::of(of.augmentation))
     }
 
-    /// The units in which the optimization computes.
+    /// The units in which the optimization computes: those of the first step.
     pub(crate) fn units(&self, dims: Dims) -> ProblemUnits {
-        self.problem.units(dims)
+        let mut references = vec![0.0; self.problem.horizon * self.problem.tracked.len()];
+        self.window(0, &mut references);
+        self.problem.units_from(dims, self.initial_state, &references, &self.first_input(dims))
     }
 
     /// Whether the bounds of states and inputs are the same along the horizon, so that a running

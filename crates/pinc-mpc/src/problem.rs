@@ -1,6 +1,6 @@
 //! The control problem.
 
-use crate::cost::Cost;
+use crate::cost::{Cost, Targets};
 use crate::error::{check_finite, check_numbers, check_range};
 use crate::outputs::OutputRows;
 use crate::scenarios::Nodes;
@@ -178,11 +178,24 @@ impl NmpcProblem {
     /// state or an input without bounds is 1 until it is seen to be large.)
     #[must_use]
     pub fn units(&self, dims: Dims) -> ProblemUnits {
+        self.units_of(dims, |_| ())
+    }
+
+    /// The units in which the optimization computes in a step from `x0`, `n`, with the references of its stages,
+    /// `[N2, outputs]`, and the input before it, `m`.
+    #[must_use]
+    pub fn units_from(&self, dims: Dims, x0: &[f64], references: &[f64], u: &[f64]) -> ProblemUnits {
+        let targets = Targets { reference: references, previous: u };
+        self.units_of(dims, |units| _ = units.follow(x0, Some(targets)))
+    }
+
+    fn units_of(&self, dims: Dims, adapt: impl Fn(&mut Units)) -> ProblemUnits {
         // One row of each output is enough.
         let rows = OutputRows::new(self, dims, &vec![false; dims.ny]);
         let dims = self.ocp_dims(dims, &rows);
         let cost = Cost::new(self, dims, &Nodes::new(self, dims));
         let mut units = Units::new(self, dims, &rows);
+        adapt(&mut units);
         units.choose_cost(&cost.state_hessians(), &cost.increment_hessians());
         units.of_problem()
     }
