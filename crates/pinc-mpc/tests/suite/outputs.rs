@@ -345,3 +345,59 @@ fn an_economic_cost_needs_no_reference() {
         assert!(found.iter().all(|&r| r <= 1e-8 * scale(&nmpc)), "{qp}: {found:?}");
     }
 }
+
+/// Hard bounds hold, and those that are soft where they have to be give way, whichever counts in larger numbers.
+#[test]
+fn exact_bounds_give_way_to_hard_ones() {
+    let model = Observed { model: linear(), feed: 0.0 };
+    let none = f64::INFINITY;
+    for (state_softness, output_softness) in
+        [(Softness::Hard, Softness::Exact), (Softness::Exact, Softness::Hard)]
+    {
+        for (weight, qp) in [1e-3, 1.0, 1e3].into_iter().flat_map(|w| METHODS.map(|qp| (w, qp))) {
+            // x1 is at most 0.3 and x2 at most 0.2, x1 + x2 at least 0.7.
+            let problem = NmpcProblem {
+                state_bounds: Bounds::new(vec![-none; 2], vec![0.3, 0.2]),
+                output_bounds: Some(Bounds::new(vec![0.7, -none], vec![none; 2])),
+                state_softness: state_softness.clone(),
+                output_softness: output_softness.clone(),
+                ..NmpcProblem::new(model.dims(), 4, Weights::uniform(vec![weight; 2], vec![0.1]))
+            };
+            let mut nmpc = Nmpc::new(problem, Box::new(model.clone()), config(qp)).unwrap();
+            let step = nmpc.step(&[0.2, 0.1], &[0.0; 8]).unwrap();
+            let case = format!("{qp}, states {state_softness:?}, weight {weight}");
+            assert_eq!((step.status, step.violated), (SqpStatus::Converged, None), "{case}");
+            for x in nmpc.plan().states().chunks_exact(2) {
+                let broken = match state_softness {
+                    Softness::Hard => (x[0] - 0.3).max(x[1] - 0.2),
+                    _ => 0.7 - x[0] - x[1],
+                };
+                assert!(broken < 1e-6, "{case}: {x:?}");
+            }
+        }
+    }
+}
+
+/// How a plan ends is no soft constraint: `exact` bounds of states give way to it.
+#[test]
+fn exact_bounds_give_way_to_the_end_of_the_plan() {
+    // A cart that must go 1.5 in 1 s, and should not be faster than 1.
+    let model = Linear { dims: Dims::new(2, 1), a: vec![1.0, 0.1, 0.0, 1.0], b: vec![0.005, 0.1] };
+    let none = f64::INFINITY;
+    let mut bounds = Bounds::new([-none; 2].repeat(10), [none, 1.0].repeat(10));
+    bounds.low[18..].copy_from_slice(&[1.5, 0.0]);
+    bounds.high[18..].copy_from_slice(&[1.5, 0.0]);
+    let problem = NmpcProblem {
+        state_bounds: bounds,
+        state_softness: Softness::Exact,
+        end_states: vec![0, 1],
+        ..NmpcProblem::new(model.dims(), 10, Weights::uniform(vec![1.0, 0.0], vec![0.01]))
+    };
+    for qp in METHODS {
+        let mut nmpc = Nmpc::new(problem.clone(), Box::new(model.clone()), config(qp)).unwrap();
+        let step = nmpc.step(&[0.0; 2], &[1.5; 20]).unwrap();
+        assert_eq!((step.status, step.violated), (SqpStatus::Converged, None), "{qp}");
+        let end = &nmpc.plan().states()[18..];
+        assert!((end[0] - 1.5).abs() < 1e-7 && end[1].abs() < 1e-7, "{qp}: {end:?}");
+    }
+}

@@ -85,6 +85,26 @@ fn a_constant_cost_ends_where_rounding_of_large_multipliers_tilts_it() {
     assert!((cost - 1.0).abs() < 1e-6, "{cost}");
 }
 
+/// What a violation costs is no part of how far working rows are off: here 1e6 times coefficients of 80.
+#[test]
+fn rows_are_met_however_much_violations_cost() {
+    // Two hard rows, and a combination of them that cannot be met.
+    let (n, hard) = (3, [[1.0, 0.7, -0.3], [0.2, -0.5, 0.9]]);
+    let mut qp = DenseQp::new(n, 3);
+    qp.hessian.copy_from_slice(&[1.3, 0.4, 0.2, 0.4, 0.9, -0.3, 0.2, -0.3, 1.7]);
+    for i in 0..n {
+        let soft = 80.0 * hard[0][i] + 33.0 * hard[1][i];
+        qp.matrix[3 * i..3 * i + 3].copy_from_slice(&[hard[0][i], hard[1][i], soft]);
+    }
+    (qp.high[3], qp.high[4], qp.low[5], qp.penalty[5]) = (0.1, 0.3, 1e3, 1e6);
+    let mut solver = ActiveSet::new(n, 3);
+    assert_eq!(solver.solve(&qp, &mut || false), DenseStatus::Solved);
+    for (row, high) in hard.iter().zip([0.1, 0.3]) {
+        let value: f64 = row.iter().zip(solver.x()).map(|(c, x)| c * x).sum();
+        assert!((value - high).abs() < 1e-12, "{value} {high}");
+    }
+}
+
 /// A program with H = M'M + I/10 and a point in the middle of the rows' bounds.
 fn programs(number: BoxedStrategy<f64>) -> impl Strategy<Value = DenseQp> {
     (1..=8_usize, 0..=12_usize).prop_flat_map(move |(n, rows)| {
