@@ -46,6 +46,10 @@ pub struct EstimatorSpec {
     /// Length of the window of `mhe` in steps.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub window: Option<usize>,
+    /// Alpha of `ukf`, whose points are alpha times the root of n standard deviations from the estimate of n
+    /// quantities, at most 1; 0.001 if absent.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub alpha: Option<f64>,
     /// Lower bound of each estimated state; no bounds if absent.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub low: Option<Vec<f64>>,
@@ -242,6 +246,7 @@ impl EstimatorSpec {
             high: side(&self.high, f64::INFINITY, |p| p.high.unwrap_or(f64::INFINITY)),
             gate: self.gate.map_or_else(Gate::default, Gate::from),
             range: control.state_ranges(),
+            alpha: self.alpha,
         }
     }
 }

@@ -188,9 +188,15 @@ pub struct Tuning {
     /// so far off after [`Gate::PATIENCE`] rejections, and no prediction leaves a standard deviation
     /// beyond it ([`Tuning::most_variance`]).
     pub range: Vec<f64>,
+    /// How far the sigma points of [`Ukf`](crate::Ukf) are from the estimate, alpha in (0, 1] of the scaled
+    /// points; [`Tuning::ALPHA`] if absent.
+    pub alpha: Option<f64>,
 }
 
 impl Tuning {
+    /// Alpha of sigma points in which the model is nearly linear.
+    pub const ALPHA: f64 = 1e-3;
+
     /// Whether there are bounds.
     #[must_use]
     pub fn is_bounded(&self) -> bool {
@@ -201,6 +207,8 @@ impl Tuning {
     pub(crate) fn validate(&self, dims: Dims) -> Result<(), EstimateError> {
         self.gate.validate()?;
         check("parameters", &self.parameters, dims.np, "finite", f64::is_finite)?;
+        let alpha = self.alpha.as_slice();
+        check("alpha", alpha, alpha.len(), "more than 0, and 1 or less", |a| a > 0.0 && a <= 1.0)?;
         let nx = dims.nx;
         let sd = |value: f64| value.is_finite() && value >= 0.0;
         let positive = |value: f64| value.is_finite() && value > 0.0;

@@ -8,17 +8,17 @@ use crate::{Correction, EstimateError, Estimator, EstimatorStatus, Tuning};
 use pinc_ode::{Dims, Memory, Model, Stages};
 use pinc_qp::{all_finite, symmetrize};
 
-/// Merwe's parameters of the sigma points.
-const ALPHA: f64 = 1e-3;
+/// Merwe's parameters of the sigma points, beside alpha.
 const BETA: f64 = 2.0;
 const KAPPA: f64 = 0.0;
 
 /// The unscented Kalman filter: mean and covariance follow from a few points through the model
 /// itself, without its Jacobians. Noise is additive, and the points are drawn afresh from the
-/// estimate before each correction and each prediction.
+/// estimate before each correction and each prediction, alpha sqrt(nx) standard deviations from it: what the
+/// model does farther off is not seen.
 ///
 /// Reference: van der Merwe and Wan, "Sigma-point Kalman filters for probabilistic inference in
-/// dynamic state-space models" (2004), the scaled points with alpha = 0.001, beta = 2, kappa = 0.
+/// dynamic state-space models" (2004), the scaled points with beta = 2, kappa = 0 and [`Tuning::alpha`].
 ///
 /// ```
 /// use pinc_estimate::{Augmentation, Augmented, Estimator, Measured, Tuning, Ukf};
@@ -74,13 +74,13 @@ struct Weights {
 }
 
 impl Weights {
-    fn new(n: usize) -> Self {
+    fn new(n: usize, alpha: f64) -> Self {
         let n = n as f64;
-        let scaled = ALPHA * ALPHA * (n + KAPPA);
+        let scaled = alpha * alpha * (n + KAPPA);
         Self {
             spread: scaled.sqrt(),
             pair: 0.5 / scaled,
-            middle: (scaled - n) / scaled + 1.0 - ALPHA * ALPHA + BETA,
+            middle: (scaled - n) / scaled + 1.0 - alpha * alpha + BETA,
         }
     }
 }
@@ -121,7 +121,7 @@ impl Ukf {
         let Dims { nx, ny, .. } = dims;
         let widest = nx.max(ny);
         let mut filter = Self {
-            weights: Weights::new(nx),
+            weights: Weights::new(nx, tuning.alpha.unwrap_or(Tuning::ALPHA)),
             q: variances(&tuning.process_sd),
             r: variances(&tuning.measurement_sd),
             most: tuning.most_variance(),

@@ -163,6 +163,7 @@ pub(crate) fn feedback_core(
         gate,
         range: _,
         parameters: _,
+        alpha: _,
     } = estimation.tuning;
     let squared = |sd: &[f64]| sd.iter().map(|sd| sd * sd).collect::<Vec<_>>();
     let states = estimation.augmentation.disturbance.clone();
@@ -222,7 +223,10 @@ fn set_filter(t: &mut Template, estimation: Estimation<'_>, tables: &mut String)
             t.set("KALMAN", ekf);
         }
         Filter::Unscented => {
+            let alpha = estimation.tuning.alpha.unwrap_or(Tuning::ALPHA);
             t.set("FILTER", "an unscented Kalman filter");
+            t.set("ALPHA_2", constant(alpha * alpha));
+            t.set("ALPHA_2_SINGLE", constant((alpha * alpha).max(0.1)));
             t.set("MEMORY", include_str!("../templates/ukf_memory.c"));
             t.set("KALMAN", include_str!("../templates/ukf.c"));
         }

@@ -1,9 +1,8 @@
 /* ---- The unscented Kalman filter ------------------------------------------------------------ */
 
 /* How far the points are, squared and per entry of z: alpha^2. A mean takes rounding of the model
-   over alpha^2, for which single precision has no digits: there the points are farther away. Farther
-   still, points of a widened covariance would leave what the model is made for. */
-#define PINC_ALPHA_2 PINC_PICK(1e-6, 0.1)
+   over alpha^2, for which single precision has no digits: there the points are farther away. */
+#define PINC_ALPHA_2 PINC_PICK(@ALPHA_2@, @ALPHA_2_SINGLE@)
 #define PINC_SPREAD_2 (PINC_ALPHA_2 * PINC_N(@NZ@))
 /* The weights of the outer points, and of the middle one in covariances (beta = 2). */
 #define PINC_PAIR (PINC_N(0.5) / PINC_SPREAD_2)

@@ -416,3 +416,62 @@ fn the_first_reading_is_under_the_input_given_so_far() {
         }
     }
 }
+
+/// y = x + |x| / 2 of a state that stays.
+#[derive(Debug)]
+struct Kink;
+
+impl Model for Kink {
+    fn dims(&self) -> Dims {
+        Dims::new(1, 0).with_outputs(1)
+    }
+    fn sample_time_s(&self) -> f64 {
+        1.0
+    }
+    fn step(&mut self, x: &[f64], _u: &[f64], _p: &[f64], next: &mut [f64]) {
+        next.copy_from_slice(x);
+    }
+    fn linearize(&mut self, at: Stages<'_>, out: Linearization<'_>) {
+        out.next.copy_from_slice(at.x);
+        out.a.fill(1.0);
+    }
+    fn output(&mut self, x: &[f64], _u: &[f64], _p: &[f64], y: &mut [f64]) {
+        y[0] = x[0] + 0.5 * x[0].abs();
+    }
+}
+
+/// Points alpha standard deviations away see a kink within the uncertainty.
+#[test]
+fn far_points_see_a_kink() {
+    let (sd, noise, y) = (0.5, 0.1, 0.33_f64);
+    for alpha in [1.0_f64, 0.5] {
+        let tuning = Tuning {
+            initial_estimate: vec![0.0],
+            initial_sd: vec![sd],
+            process_sd: vec![0.0],
+            measurement_sd: vec![noise],
+            alpha: Some(alpha),
+            ..Tuning::default()
+        };
+        let mut filter = Ukf::new(Box::new(Kink), tuning).unwrap();
+        filter.correct(&[y]);
+        // By the formulas of the scaled points -s, 0 and s with beta = 2.
+        let (s, w) = (alpha * sd, 0.5 / (alpha * alpha));
+        let mean = w * (1.5 * s - 0.5 * s);
+        let middle = 1.0 - 2.0 * w + 3.0 - alpha * alpha;
+        let variance = w * ((1.5 * s - mean).powi(2) + (-0.5 * s - mean).powi(2))
+            + middle * mean * mean
+            + noise * noise;
+        let gain = w * s * 2.0 * s / variance;
+        let expected = (gain * (y - mean), sd * sd - gain * gain * variance);
+        assert!((filter.estimate()[0] - expected.0).abs() < 1e-12, "{filter:?}");
+        assert!((filter.covariance()[0] - expected.1).abs() < 1e-12, "{filter:?}");
+    }
+    for alpha in [0.0, -1.0, 1.5, f64::NAN] {
+        let tuning = Tuning { alpha: Some(alpha), ..tuning() };
+        let model =
+            Linear { a: [[1.0; 2]; 2], b: [1.0; 2], c: [[1.0, 0.0], [0.0, 1.0]], d: [0.0; 2] };
+        let error = Ukf::new(Box::new(model), tuning).unwrap_err().to_string();
+        assert!(error.contains("alpha"), "{error}");
+    }
+}

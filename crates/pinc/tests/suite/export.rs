@@ -121,7 +121,7 @@ fn loops_with_estimators_in_c_match_the_program() {
         &[][..],
         &[ukf],
         &[&output, late, held],
-        &[ukf, &states, late],
+        &[ukf, "control.estimator.alpha=1.0", &states, late],
         &[mhe, window, low],
         &[mhe, window, &output, late, held],
         &[&states, low],
