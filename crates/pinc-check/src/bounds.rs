@@ -72,28 +72,65 @@ fn values(subject: &Subject<'_>, control: &ControlSpec) -> Vec<Finding> {
     findings
 }
 
-/// References against the bounds of outputs, for instance of a distance from an obstacle:
+/// Random points that show how far outputs range.
+const SAMPLES: usize = 40;
+
+/// The bounds of outputs against the start and the references, for instance of a distance from an obstacle:
 /// controlled outputs by their value, others where the states hold the reference.
 fn outputs(subject: &Subject<'_>, control: &ControlSpec) -> Vec<Finding> {
     let variables = subject.plant.outputs();
     let problem = control.problem(&Variables::of(subject.plant), subject.step_s());
     let Some(bounds) = problem.output_bounds else { return Vec::new() };
+    let at = |x: &[f64], u: &[f64]| {
+        let mut y = vec![0.0; variables.len()];
+        subject.plant.output(x, u, &[], &mut y);
+        y
+    };
+    let samples = subject.region.points(subject.experiment.seed).take(SAMPLES);
+    let samples: Vec<Vec<f64>> = samples.map(|point| at(&point.x, &point.u)).collect();
+    let range = |i: usize| {
+        let values = samples.iter().map(|y| y[i]).filter(|y| y.is_finite());
+        values.clone().fold(0.0, f64::max) - values.fold(0.0, f64::min)
+    };
+    let is_out = |i: usize, [least, most]: [f64; 2]| {
+        let slack = 1e-6 * most.abs().max(range(i));
+        !(most >= bounds.low[i] - slack && least <= bounds.high[i] + slack)
+    };
+    let outside = |i: usize, value: f64, at: &str| {
+        let [value, low, high] = [value, bounds.low[i], bounds.high[i]].map(short);
+        format!("{} is {value} {at}, outside its bounds {low} to {high}", variables[i].name)
+    };
     let mut findings = Vec::new();
+
+    // An input may still bring an output back that it acts on at once.
+    let given = control.initial_input.clone().unwrap_or_else(|| vec![0.0; control.input_low.len()]);
+    let start = at(&control.initial_state, &given);
+    let mut reach: Vec<[f64; 2]> = start.iter().map(|y| [*y; 2]).collect();
+    for (input, ends) in control.input_low.iter().zip(&control.input_high).enumerate() {
+        for end in [ends.0, ends.1] {
+            let mut u = given.clone();
+            u[input] = *end;
+            let moved = at(&control.initial_state, &u);
+            for (reach, (y, start)) in reach.iter_mut().zip(moved.iter().zip(&start)) {
+                reach[usize::from(y > start)] += y - start;
+            }
+        }
+    }
+    let always = |i: &usize| reach[*i].iter().all(|y| y.is_finite()) && is_out(*i, reach[*i]);
+    if let Some(i) = (0..variables.len()).find(always) {
+        findings.push(
+            Finding::warning("control.initial_state", outside(i, start[i], "there"))
+                .because("no input moves it at once: the first problems may be infeasible")
+                .change("start within control.output_low and output_high, or widen them"),
+        );
+    }
+
     let mut report = |reference: usize, i: usize, value: f64, at: &str| {
-        let (low, high) = (bounds.low[i], bounds.high[i]);
-        let slack = 1e-6 * value.abs().max((high - low).abs().min(1.0));
-        if value >= low - slack && value <= high + slack || findings.len() == MOST_REFERENCES {
+        if !is_out(i, [value; 2]) || findings.len() == MOST_REFERENCES {
             return;
         }
-        let what = format!(
-            "{} is {} {at}, outside its bounds {} to {}",
-            variables[i].name,
-            short(value),
-            short(low),
-            short(high)
-        );
         findings.push(
-            Finding::warning(format!("control.references[{reference}]"), what)
+            Finding::warning(format!("control.references[{reference}]"), outside(i, value, at))
                 .because(
                     "the reference and a bound of the outputs exclude each other: the controller \
                      stops at the bound, or violates it where it is soft",
@@ -113,9 +150,7 @@ fn outputs(subject: &Subject<'_>, control: &ControlSpec) -> Vec<Finding> {
     for held in &subject.holds {
         let kept = held.kept.as_ref().map(|kept| &kept.point);
         let Some(OperatingPoint { x, u }) = kept.or(held.point.steady()) else { continue };
-        let mut y = vec![0.0; variables.len()];
-        subject.plant.output(x, u, &[], &mut y);
-        for (i, value) in y.into_iter().enumerate() {
+        for (i, value) in at(x, u).into_iter().enumerate() {
             report(held.first, i, value, "where the reference is held");
         }
     }

@@ -3,7 +3,7 @@
 use crate::horizon::n2_of;
 use crate::{Finding, LISTED, Subject, short};
 use pinc_analysis::{
-    OperatingPoint, StateSpace, TimeScales, TransmissionZeros, common_plane, common_ratio,
+    OperatingPoint, StateSpace, StaticGain, TimeScales, TransmissionZeros, common_plane, common_ratio,
 };
 
 /// A zero this far below the fastest rate is at 0.
@@ -45,14 +45,16 @@ fn outputs<'a>(subject: &'a Subject<'_>) -> Vec<&'a str> {
 
 fn of_gain(subject: &Subject<'_>, place: &str, linear: &StateSpace) -> Vec<Finding> {
     let path = format!("from {} to {}", subject.inputs(), outputs(subject).join(", "));
-    let Some(gain) = linear.in_units(&subject.region.widths()).static_gain() else {
+    let widths = subject.region.widths();
+    let gains = [linear.in_units(&widths), linear.scaled(&widths)].map(|of| of.static_gain());
+    // Gains are told in the plant's units; which of them are 0 does not depend on these.
+    let [Some(gain), Some(StaticGain { rank, .. })] = gains else {
         let what = format!("no static gain {path}: the plant integrates (an eigenvalue is 0)");
         return vec![Finding::fact(place, what)];
     };
     let values = gain.singular_values.iter().enumerate();
     let shown: Vec<_> =
-        values.map(|(k, v)| if k < gain.rank { short(*v) } else { "0".to_owned() }).collect();
-    let rank = gain.rank;
+        values.map(|(k, v)| if k < rank { short(*v) } else { "0".to_owned() }).collect();
     let what = format!("static gain {path}: singular values {}, rank {rank}", shown.join(", "));
     let wanted = subject.controlled().len();
     if rank >= wanted.min(subject.region.dims.nu) {

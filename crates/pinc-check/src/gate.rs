@@ -71,8 +71,9 @@ fn judged(
     let Dims { nx, nu, ny, .. } = model.dims();
     // A step linearizes the model, and about four derivatives cost as much as the value.
     let units = (integrator.stages() * substeps * (1 + nx / 4)) as u64 * subject.units;
-    // The filter takes the input before the first step for 0, and so do the readings here.
-    let (mut y, mut u) = (vec![0.0; ny], vec![0.0; nu]);
+    let mut y = vec![0.0; ny];
+    let mut u = of.control.initial_input.clone().unwrap_or_else(|| vec![0.0; nu]);
+    filter.reset_input(&u);
     for (step, &mark) in marks.iter().enumerate() {
         let z = [rehearsal.trace.state(mark), &unknowns].concat();
         model.output(&z, &u, &tuning.parameters, &mut y);

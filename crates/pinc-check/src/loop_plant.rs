@@ -41,7 +41,7 @@ fn other_sign(subject: &Subject<'_>, control: &ControlSpec, step_s: f64) -> Opti
     let controlled = subject.controlled();
     let gain = |plant: &dyn DynRhs, point: &OperatingPoint| {
         let tangent = StateSpace::tangent(plant, point, &controlled)?;
-        tangent.in_units(&subject.region.widths()).static_gain()
+        tangent.scaled(&subject.region.widths()).static_gain()
     };
     let plants = plants(subject, step_s);
     subject.steady_points().into_iter().find_map(|(name, point)| {

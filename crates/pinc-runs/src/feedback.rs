@@ -71,13 +71,17 @@ impl TimedFeedback {
         self.feedback.history()
     }
 
-    /// The nearest values that can be held, of those of `names` whose last reference cannot.
-    pub(super) fn nearest_held(&self, names: &[String]) -> BTreeMap<String, f64> {
+    /// The nearest values that can be held, of what is controlled and cannot be at its last reference.
+    pub(super) fn nearest_held(&self, control: &ControlSpec) -> BTreeMap<String, f64> {
         let Some(target) = &self.target else { return BTreeMap::new() };
         let [asked, held] = target.last();
-        let missed = |asked: f64, held: f64| (asked - held).abs() > 1e-6 * (1.0 + asked.abs());
-        let all = names.iter().zip(asked.iter().zip(held)).filter(|(_, (a, h))| missed(**a, **h));
-        all.map(|(name, (_, held))| (name.clone(), *held)).collect()
+        let missed = |&i: &usize| {
+            let sizes = control.references.iter().map(|reference| reference.value[i].abs());
+            let size = Some(sizes.fold(asked[i].abs(), f64::max)).filter(|size| *size > 0.0);
+            (asked[i] - held[i]).abs() > 1e-6 * size.unwrap_or(1.0)
+        };
+        let all = (0..asked.len()).filter(missed);
+        all.map(|i| (control.controlled[i].clone(), held[i])).collect()
     }
 
     /// For each step, the time of its correction and prediction together.

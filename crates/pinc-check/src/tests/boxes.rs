@@ -68,6 +68,33 @@ fn outputs_at_a_reference_lie_within_their_bounds() {
     }
 }
 
+/// An output is compared with its bounds at the start, unless an input can bring it back at once, and in units
+/// of any size.
+#[test]
+fn outputs_at_the_start_lie_within_their_bounds() {
+    let found = |output: &str, low: &str, high: &str| {
+        let sets = [
+            format!("plant.expression.outputs.y=\"{output}\""),
+            format!("control.output_low=[{low}]"),
+            format!("control.output_high=[{high}]"),
+        ];
+        findings_of(bounds::examine, LAGS, &sets.each_ref().map(String::as_str))
+    };
+    for unit in [1.0, 1e-9, 1e9] {
+        let [some, less, wide] = [0.2 * unit, 0.1 * unit, 2.0 * unit].map(|v| format!("{v:e}"));
+        let all = found(&format!("{unit:e}*(x1 + 0.2)"), "-inf", &less);
+        let at: Vec<_> = all.into_iter().filter(|of| of.place == "control.initial_state").collect();
+        let (severity, change) = only(&at, "outside its bounds");
+        assert_eq!(severity, Warning);
+        assert!(change.contains("control.output_low"), "{change}");
+        let moved = found(&format!("{unit:e}*(x1 + 0.2 - u)"), &format!("-{less}"), &less);
+        assert!(!moved.iter().any(|of| of.place == "control.initial_state"), "{moved:#?}");
+        assert!(!is_said(&found(&format!("{unit:e}*(x1 + 0.2)"), &some, &wide), "outside its"));
+        let held = found(&format!("{unit:e}*x1"), "-inf", &some);
+        only(&held, "where the reference is held, outside its bounds");
+    }
+}
+
 /// Bounds that reach outside the domain on one side are named with the domain that would hold them.
 #[test]
 fn bounds_lie_within_the_domain() {

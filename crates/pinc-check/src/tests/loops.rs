@@ -154,6 +154,19 @@ fn a_gate_is_as_wide_as_the_innovation_allows() {
     assert_eq!(only(&found, "no reading is rejected, however wild").0, Fact);
 }
 
+/// The first reading is under the input that the plant has been given.
+#[test]
+fn a_gate_knows_the_first_input() {
+    let more = [
+        "plant.expression.outputs.y=\"0.5*x1*u\"",
+        "control.measurement.measured=[\"y\"]",
+        "control.estimator.gate=4.0",
+        "control.initial_input=[1.0]",
+    ];
+    // sqrt(0.015^2 + 0.04^2) = 0.042720
+    only(&estimated(lags, &more), "is rejected: y by 0.17088 in the first step");
+}
+
 /// Three standard deviations of the noise have to pass the gate, which is at least 4 * 0.04 wide.
 #[test]
 fn ordinary_noise_passes_the_gate() {

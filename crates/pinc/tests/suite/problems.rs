@@ -231,6 +231,57 @@ fn a_target_leaves_no_offset_whatever_the_weights_of_the_inputs() {
     assert!(nearest["h1"].as_f64().is_some_and(|h1| h1 < 12.0), "{nearest}");
 }
 
+/// A flow in m^3/s that cannot be at its reference is named like one in l/h.
+#[test]
+fn what_cannot_be_held_is_named_in_any_unit() {
+    let nearest = [1.0, 1e-8].map(|unit| {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("vessel.toml");
+        let text = format!(
+            r#"
+            name = "vessel"
+            preset = "ours"
+            seed = 1
+            [plant.expression]
+            states = ["h"]
+            inputs = ["u"]
+            derivatives = {{ h = "u/{unit:e} - h" }}
+            [control]
+            models = ["rk4"]
+            step_s = 0.2
+            duration_s = 4.0
+            n2 = 8
+            nu = 8
+            target = true
+            initial_state = [0.5]
+            controlled = ["h", "u"]
+            q = [1.0, {:e}]
+            r = [0.0]
+            input_low = [0.0]
+            input_high = [{:e}]
+            references = [{{ start_s = 0.0, value = [0.7, {:e}] }}]
+            [control.estimator]
+            kind = "ekf"
+            process_sd = [0.01]
+            measurement_sd = [0.01]
+            initial_estimate = [0.5]
+            initial_sd = [0.1]
+            "#,
+            0.01 / (unit * unit),
+            2.0 * unit,
+            0.3 * unit
+        );
+        std::fs::write(&path, text).unwrap();
+        let mut command = pinc(&["control"]);
+        command.arg(&path).arg("--out").arg(dir.path().join("run"));
+        assert_eq!(outcome(&mut command).code, Some(0));
+        let metrics = std::fs::read_to_string(dir.path().join("run/metrics.json")).unwrap();
+        let metrics: Value = serde_json::from_str(&metrics).unwrap();
+        metrics["control"][0]["nearest_held"]["u"].as_f64().unwrap() / unit
+    });
+    assert!(nearest[0] > 0.5 && (nearest[0] / nearest[1] - 1.0).abs() < 1e-3, "{nearest:?}");
+}
+
 #[test]
 fn what_does_not_go_together_is_named() {
     for (config, sets, expected) in [
