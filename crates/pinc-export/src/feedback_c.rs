@@ -286,19 +286,43 @@ pub(crate) fn set_steps(
     let [double, float] = Precision::both(Some(estimation.filter));
     both.nmpc.remember(&mut Memory::restore(&fresh));
     let mut both = Both::new(controller, both.nmpc, estimation)?;
-    let in_double = both.moved(&rows, double)?;
+    let (units, inputs) = (units(controller, estimation, &both), both.nmpc.model().dims().nu);
+    let in_double = both.moved(&rows, &units, double)?;
     both.nmpc.remember(&mut Memory::restore(&fresh));
     let nmpc = in_float(controller)?.unwrap_or(both.nmpc);
-    let in_float = Both::new(controller, nmpc, estimation)?.moved(&rows, float)?;
+    let in_float = Both::new(controller, nmpc, estimation)?.moved(&rows, &units, float)?;
     set_allowed(t, Some(estimation.filter), [&in_double, &in_float]);
     let tables = [
         table("y", &rows.measured),
         table("rows", &rows.windows),
         table("u", &rows.inputs),
         table("z", &rows.estimates),
+        array("unit_of_u", &units[..inputs]),
+        array("unit_of_z", &units[inputs..]),
     ];
     t.set("TABLES", tables.concat());
     Ok([rows.inputs.len(), unsolved])
+}
+
+/// The units of inputs and estimates. A disturbance has that of the quantity which it disturbs, where this is
+/// a state or an input.
+fn units(controller: &Controller<'_>, estimation: Estimation<'_>, both: &Both<'_>) -> Vec<f64> {
+    let ProblemUnits { states, inputs, .. } = controller.units(both.nmpc.model().dims());
+    let Augmentation { measured, disturbance, .. } = estimation.augmentation;
+    let of_measured = |of: &Measured| match *of {
+        Measured::State(state) => states[state],
+        _ => 1.0,
+    };
+    let disturbed: Vec<f64> = match disturbance {
+        Disturbance::Input => inputs.clone(),
+        Disturbance::Output => measured.iter().map(of_measured).collect(),
+        Disturbance::States(places) => places.iter().map(|&place| states[place]).collect(),
+        _ => Vec::new(),
+    };
+    let mut all = [inputs, states, disturbed].concat();
+    let parameters = both.nmpc.model().dims().nu + both.filter.dims().nx;
+    all.resize(parameters, 1.0);
+    all
 }
 
 /// Controller and estimator of the library.
@@ -348,12 +372,17 @@ impl<'a> Both<'a> {
     }
 
     /// How far inputs and estimates of each step move if what is measured is off by rounding.
-    fn moved(&mut self, rows: &Rows, precision: Precision) -> Result<Vec<f64>, ExportError> {
+    fn moved(
+        &mut self,
+        rows: &Rows,
+        units: &[f64],
+        precision: Precision,
+    ) -> Result<Vec<f64>, ExportError> {
         let mut moved = Vec::new();
         for (k, (y, window)) in rows.measured.iter().zip(&rows.windows).enumerate() {
             let u = self.step(&precision.round(k, y), window)?;
             let expected = rows.inputs[k].iter().chain(&rows.estimates[k]);
-            moved.push(difference(u.iter().chain(self.filter.estimate()), expected));
+            moved.push(difference(u.iter().chain(self.filter.estimate()), expected, units));
         }
         Ok(moved)
     }

@@ -417,11 +417,18 @@ fn set_steps(
     let rows = [&states[..], &windows[..], &inputs[..]];
     let [double, float] = Precision::both(None);
     nmpc.remember(&mut Memory::restore(&fresh));
-    let in_double = moved(&mut nmpc, rows, double)?;
+    let units = controller.units(model.dims()).inputs;
+    let in_double = moved(&mut nmpc, rows, &units, double)?;
     nmpc.remember(&mut Memory::restore(&fresh));
-    let in_float = moved(in_float(controller)?.as_mut().unwrap_or(&mut nmpc), rows, float)?;
+    let mut in_float = in_float(controller)?;
+    let in_float = moved(in_float.as_mut().unwrap_or(&mut nmpc), rows, &units, float)?;
     set_allowed(t, None, [&in_double, &in_float]);
-    let tables = [table("x", &states), table("rows", &windows), table("u", &inputs)];
+    let tables = [
+        table("x", &states),
+        table("rows", &windows),
+        table("u", &inputs),
+        array("unit_of_u", &units),
+    ];
     t.set("TABLES", tables.concat());
     Ok([inputs.len(), unsolved])
 }
@@ -431,11 +438,12 @@ fn set_steps(
 fn moved(
     nmpc: &mut Nmpc,
     [states, windows, inputs]: [&[Vec<f64>]; 3],
+    units: &[f64],
     precision: Precision,
 ) -> Result<Vec<f64>, ExportError> {
     let mut moved = Vec::new();
     for (k, ((x, window), u)) in states.iter().zip(windows).zip(inputs).enumerate() {
-        moved.push(difference(nmpc.step(&precision.round(k, x), window)?.u, u));
+        moved.push(difference(nmpc.step(&precision.round(k, x), window)?.u, u, units));
     }
     Ok(moved)
 }

@@ -2,18 +2,21 @@
 
 use crate::error::finite;
 use crate::error_c::{NetError, without_estimate};
-use crate::golden::{CASES, Golden};
+use crate::golden::{self, CASES, Golden};
 use crate::open::Open;
 use crate::origin::{Origin, domain};
-use crate::template::{Template, array_with, numbers, table};
+use crate::template::{Template, array, array_with, constant, numbers, table};
 use crate::{ExportError, GeneratedFile, Name};
 use pinc_expr::PlantEquations;
 use pinc_net::{FoldedNet, PincModel, PincNet, TrainingTarget};
 use std::fmt::Write as _;
 
-/// What a number of the C code may differ by from the library's, in double and in float, relative
-/// to 1 + its size.
-pub(crate) const TOLERANCES: [&str; 2] = ["1e-12", "1e-4"];
+/// What a number of the C code may differ by from the library's, in double and in float, relative to its size
+/// plus half the width of its domain.
+const TOLERANCES: [f64; 2] = [1e-12, 1e-4];
+
+/// By how much more rounding in double may be off than that in float, which is measured, says.
+const MARGIN: f64 = 32.0;
 
 /// The net as C99: step and Jacobians, self-test with golden vectors, build file and a page that
 /// says how to use them.
@@ -146,8 +149,6 @@ pub(crate) fn places(
         .set("AT_VALUE", at)
         .set("AT_RATE", if adds { AT_RATE } else { "slope[i]" })
         .set("CASES", CASES)
-        .set("DOUBLE", TOLERANCES[0])
-        .set("FLOAT", TOLERANCES[1])
         .set("STATES", origin.state_list())
         .set("INPUTS", origin.input_list())
         .set("MODEL", "net");
@@ -211,7 +212,12 @@ fn selftest(net: &PincNet, t: &mut Template) -> Result<GeneratedFile, ExportErro
     let golden = Golden::of(&mut PincModel::new(net)?, &[], &ends);
     let Golden { next, a, b, .. } = &golden;
     finite("the net's step in its domain", next.iter().chain(a).chain(b).flatten())?;
-    let mut tables = golden_tables(&golden);
+    let widths = half_widths(&ends);
+    let rounding = single_rounding(&folded(net, Open::default())?, &ends);
+    let rounding = rounding.iter().zip(&widths).map(|(off, width)| off / width).fold(0.0, f64::max);
+    let in_double = MARGIN * rounding * f64::EPSILON / f64::from(f32::EPSILON);
+    t.set("DOUBLE", constant(TOLERANCES[0].max(in_double))).set("FLOAT", constant(TOLERANCES[1]));
+    let mut tables = golden_tables(&golden) + &array("width", &widths);
     if has_time(net) {
         let half = 0.5 * net.sample_time_s();
         let points = golden.x.iter().zip(&golden.u);
@@ -224,6 +230,47 @@ fn selftest(net: &PincNet, t: &mut Template) -> Result<GeneratedFile, ExportErro
 }
 
 /// The golden vectors as tables.
+/// Half the widths of a domain, states first; 1 where it has none.
+fn half_widths(ends: &[(f64, f64)]) -> Vec<f64> {
+    let widths = ends.iter().map(|(low, high)| 0.5 * (high - low));
+    widths.map(|width| if width > 0.0 { width } else { 1.0 }).collect()
+}
+
+/// By how much each state is off after a step in single precision, at most over points of the domain.
+#[expect(clippy::cast_possible_truncation, reason = "single precision is what is asked about")]
+pub(crate) fn single_rounding(folded: &FoldedNet, ends: &[(f64, f64)]) -> Vec<f64> {
+    let single = |v: f64| f64::from(v as f32);
+    let mut worst = Vec::new();
+    for point in golden::points(ends) {
+        let point: Vec<f64> = point.into_iter().map(single).collect();
+        let found = step(folded, &point, single);
+        worst.resize(found.len(), 0.0_f64);
+        for ((worst, found), exact) in worst.iter_mut().zip(found).zip(step(folded, &point, |v| v)) {
+            *worst = worst.max((found - exact).abs());
+        }
+    }
+    worst
+}
+
+/// The state after T, where every number is rounded.
+fn step(folded: &FoldedNet, point: &[f64], round: impl Fn(f64) -> f64) -> Vec<f64> {
+    let mut values = point.to_vec();
+    for (l, layer) in folded.layers.iter().enumerate() {
+        let row = |(weights, bias): (&Vec<f64>, &f64)| {
+            let terms = weights.iter().zip(&values);
+            terms.fold(round(*bias), |sum, (w, v)| round(sum + round(round(*w) * v)))
+        };
+        values = layer.weights.iter().zip(&layer.bias).map(row).collect();
+        if l + 1 < folded.layers.len() {
+            values.iter_mut().for_each(|value| *value = round(value.tanh()));
+        }
+    }
+    if folded.adds_initial_state {
+        values.iter_mut().zip(point).for_each(|(value, x)| *value = round(*value + x));
+    }
+    values
+}
+
 pub(crate) fn golden_tables(golden: &Golden) -> String {
     let Golden { x, u, next, a, b } = golden;
     let parts = [("x", x), ("u", u), ("next", next), ("a", a), ("b", b)];

@@ -1,7 +1,7 @@
 //! A net as an ONNX file.
 
 use crate::error::finite;
-use crate::net_c::{check_member, folded};
+use crate::net_c::{check_member, folded, single_rounding};
 use crate::open::Open;
 use crate::origin::Origin;
 use crate::protobuf::Message;
@@ -23,7 +23,7 @@ pub enum Precision {
 
 /// The net as an ONNX file: inputs `x`, `[batch, n]`, and `u`, `[batch, m]`, output `x_next`,
 /// `[batch, n]`. Normalization is folded into the weights. Its metadata says what the states and
-/// inputs are, and the domain.
+/// inputs are, the domain, and how far 32 bits move each state at most, over points of the domain.
 ///
 /// # Errors
 ///
@@ -45,6 +45,16 @@ pub fn net_to_onnx(
             finite(what, &single)?;
         }
     }
+    let ends: Vec<_> = net.domain().ends().collect();
+    let rounding = match precision {
+        Precision::Single => single_rounding(&folded, &ends),
+        Precision::Double => Vec::new(),
+    };
+    let states = origin.state_list();
+    let certificate = origin.proven.as_ref().map(|proven| match precision {
+        Precision::Single => format!("{proven}; in 64 bits, what `rounding` says comes to it in 32"),
+        Precision::Double => proven.clone(),
+    });
     let writer = Writer { precision };
     let mut model = Message::default()
         .number(1, IR_VERSION)
@@ -55,7 +65,7 @@ pub fn net_to_onnx(
     let list = |values: &[f64]| format!("{values:?}");
     let domain = net.domain();
     for (key, value) in [
-        ("states", origin.state_list()),
+        ("states", states),
         ("inputs", origin.input_list()),
         ("step_s", format!("{:?}", net.sample_time_s())),
         ("state_low", list(&domain.state_low)),
@@ -63,7 +73,8 @@ pub fn net_to_onnx(
         ("input_low", list(&domain.input_low)),
         ("input_high", list(&domain.input_high)),
         ("hash", origin.hash.clone()),
-        ("certificate", origin.proven.clone().unwrap_or_default()),
+        ("certificate", certificate.unwrap_or_default()),
+        ("rounding", if rounding.is_empty() { String::new() } else { list(&rounding) }),
     ] {
         if value.is_empty() {
             continue;

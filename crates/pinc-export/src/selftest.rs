@@ -14,7 +14,7 @@ pub(crate) const FLOAT_TOLERANCE: f64 = 1e-3;
 /// How much more than by rounding and residual alone a number may be off.
 const MARGIN: f64 = 4.0;
 
-/// What one precision makes of numbers, relative to 1 + their size.
+/// What one precision makes of numbers, relative to their unit plus their size.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Precision {
     /// The relative error of what is measured that stands for rounding.
@@ -59,13 +59,14 @@ impl Precision {
     }
 }
 
-/// The largest difference of two rows, relative to 1 + the size of a number of `expected`.
+/// The largest difference of two rows, relative to a number's unit plus the size of that of `expected`.
 pub(crate) fn difference<'a>(
     found: impl IntoIterator<Item = &'a f64>,
     expected: impl IntoIterator<Item = &'a f64>,
+    units: &[f64],
 ) -> f64 {
-    let off = |(a, b): (&f64, &f64)| (a - b).abs() / (1.0 + b.abs());
-    let all = found.into_iter().zip(expected).map(off);
+    let off = |((a, b), unit): ((&f64, &f64), &f64)| (a - b).abs() / (unit + b.abs());
+    let all = found.into_iter().zip(expected).zip(units).map(off);
     all.fold(0.0, |most, off| if off <= most { most } else { off })
 }
 

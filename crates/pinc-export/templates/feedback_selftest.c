@@ -39,10 +39,10 @@ int main(void)
         status = pinc_feedback_step(&pinc_both, y, reference, u);
         pinc_require_step(k, status);
         for (i = 0; i < PINC_NU; i++) {
-            pinc_compare(k, u[i], pinc_u[k][i]);
+            pinc_compare(k, u[i], pinc_u[k][i], pinc_unit_of_u[i]);
         }
         for (i = 0; i < PINC_NZ; i++) {
-            pinc_compare(k, pinc_both.estimator.z[i], pinc_z[k][i]);
+            pinc_compare(k, pinc_both.estimator.z[i], pinc_z[k][i], pinc_unit_of_z[i]);
         }
     }
 @ERROR_CALL@@BESIDE_CALL@    return pinc_judge();

@@ -38,7 +38,7 @@ int main(void)
         status = pinc_mpc_step(&pinc_controller, x, reference, u);
         pinc_require_step(k, status);
         for (i = 0; i < PINC_NU; i++) {
-            pinc_compare(k, u[i], pinc_u[k][i]);
+            pinc_compare(k, u[i], pinc_u[k][i], pinc_unit_of_u[i]);
         }
     }
 @ERROR_CALL@@BESIDE_CALL@    return pinc_judge();

@@ -2,16 +2,16 @@
 /* The number of steps that are compared: later ones depend on rounding. */
 #define PINC_COMPARED (PINC_IS_FLOAT ? @FLOAT_STEPS@ : @DOUBLE_STEPS@)
 
-/* What a number of each step may differ by in single precision, relative to 1 + its size: what its
+/* What a number of each step may differ by in single precision, relative to its unit plus its size: what its
    rounding, and the residual that is asked for, leave. */
 @ALLOWED@
 /* The difference that is the largest part of what is allowed in its step. */
 static double pinc_worst = 0.0;
 static double pinc_limit = PINC_IS_FLOAT ? @FLOAT@ : @DOUBLE@;
 
-static void pinc_compare(int k, PINC_REAL found, double expected)
+static void pinc_compare(int k, PINC_REAL found, double expected, PINC_REAL unit)
 {
-    const double off = fabs((double)found - expected) / (1.0 + fabs(expected));
+    const double off = fabs((double)found - expected) / ((double)unit + fabs(expected));
     const double allowed = PINC_IS_FLOAT ? pinc_allowed_float[k] : @DOUBLE@;
     if ((k < PINC_COMPARED) && !((off * pinc_limit) <= (pinc_worst * allowed))) {
         pinc_worst = (off <= 1e300) ? off : 1.0;

@@ -270,6 +270,26 @@ fn the_self_test_can_fail() {
     assert!(failed.is_err());
 }
 
+/// Numbers are judged by the widths of their domains: right ones of mixed units pass in double, and wrong ones of
+/// a small unit fail in single precision.
+#[test]
+fn the_self_test_counts_in_widths_of_the_domain() {
+    let wide = Domain::new([0.0..=1e5, 0.0..=1e-9], [-1.0..=1.0]);
+    let mixed = net(VanDerPol::default().into_dyn(), &wide, 2, Ansatz::Direct);
+    assert!(sources(&mixed).selftest("net", &[]).contains("allowed 1.00e-12"));
+    let small = Domain::new([0.0..=5e-6, 0.0..=5e-6], [-1.0..=1.0]);
+    let net = net(VanDerPol::default().into_dyn(), &small, 2, Ansatz::Direct);
+    let name = Name::new("net").unwrap();
+    let origin = Origin::of_net(&net, "0", "00");
+    let mut files = net_to_c(&net, None, &name, &origin).unwrap();
+    let mut weights = net.mlp().parameters().to_vec();
+    *weights.last_mut().unwrap() += 1.0;
+    files[1] = net_to_c(&net.with_parameters(&weights), None, &name, &origin).unwrap()[1].clone();
+    let single = ["-DNET_REAL=float"];
+    let failed = std::panic::catch_unwind(|| Sources::new(&files).selftest("net", &single));
+    assert!(failed.is_err());
+}
+
 const ERROR_DRIVER: &str = r#"
 #include "net_error.h"
 #include <stdio.h>

@@ -152,6 +152,18 @@ fn an_onnx_file_has_the_folded_weights() {
     for text in ["x_next", "Concat", "Tanh", "x1, x2", "batch", "00ff"] {
         assert!(contains(&single.bytes, text.as_bytes()), "{text}");
     }
+    // What 32 bits take from the states, of some units, is a few epsilons of these.
+    let text = String::from_utf8_lossy(&single.bytes).into_owned();
+    let start = text.find("rounding").unwrap();
+    let list = text[start..].split(['[', ']']).nth(1).unwrap();
+    let off: Vec<f64> = list.split(", ").map(|off| off.parse().unwrap()).collect();
+    assert!(off.len() == 2 && off.iter().all(|off| (1e-8..1e-5).contains(off)), "{off:?}");
+    assert!(!contains(&double.bytes, b"rounding"));
+    let proven = Origin { proven: Some("proven".to_owned()), ..origin(&net) };
+    let file = |precision| net_to_onnx(&net, &name(), &proven, precision).unwrap();
+    let words = b"proven; in 64 bits";
+    assert!(contains(&file(Precision::Single).bytes, words));
+    assert!(!contains(&file(Precision::Double).bytes, words));
 }
 
 /// Steps an FMU from a start, with an input and a step's length per line, and writes the states.
