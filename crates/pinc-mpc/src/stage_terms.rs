@@ -25,6 +25,7 @@ pub(crate) struct StageTerms {
     nodes: Nodes,
     /// What is tracked, if these are not all states.
     tracked: Vec<Tracked>,
+    tracks_outputs: bool,
     pub(crate) cost: Option<Box<dyn StageCost>>,
     /// Seconds from the first stage to each.
     times: Vec<f64>,
@@ -66,6 +67,7 @@ impl StageTerms {
             jacobian: vec![0.0; width],
             weighted: vec![0.0; width],
             error: vec![0.0; tracked.len()],
+            tracks_outputs: tracked.iter().any(|of| matches!(of, Tracked::Output(_))),
             tracked,
         })
     }
@@ -199,28 +201,29 @@ impl StageTerms {
         let OcpDims { nx, nu, .. } = self.dims;
         let (width, count) = (nx + nu, self.tracked.len());
         let reference = &targets.reference[(j - 1) * count..j * count];
+        let Some(outputs) = outputs.filter(|_| self.tracks_outputs) else {
+            return self.track_variables(q, [x, u], reference);
+        };
         for (i, (tracked, row)) in
             self.tracked.iter().zip(self.jacobian.chunks_exact_mut(width)).enumerate()
         {
             row.fill(0.0);
-            let y = match (*tracked, outputs) {
-                (Tracked::State(state), _) => {
+            let y = match *tracked {
+                Tracked::State(state) => {
                     row[state] = 1.0;
                     x[state]
                 }
-                (Tracked::Input(input), _) => {
+                Tracked::Input(input) => {
                     row[nx + input] = 1.0;
                     u[input]
                 }
-                (Tracked::Output(output), Some(outputs)) => {
+                Tracked::Output(output) => {
                     let points = outputs.ends();
                     let [c, d] = points.rows(j, output);
                     row[..nx].copy_from_slice(c);
                     row[nx..].copy_from_slice(d);
                     points.y(j)[output]
                 }
-                // Tracked outputs are evaluated: `NmpcProblem::uses_outputs`.
-                (Tracked::Output(_), None) => f64::NAN,
             };
             self.error[i] = y - reference[i];
         }
@@ -236,6 +239,47 @@ impl StageTerms {
             self.block.value += 0.5 * force * self.error[i];
         }
         self.add_products(nx, nu);
+    }
+
+    /// The same where only states and inputs are tracked: a row of (C D) has a single 1.
+    fn track_variables(&mut self, q: &[f64], [x, u]: [&[f64]; 2], reference: &[f64]) {
+        let OcpDims { nx, nu, .. } = self.dims;
+        let Self { tracked, error, block, .. } = self;
+        for ((error, tracked), reference) in error.iter_mut().zip(&*tracked).zip(reference) {
+            *error = match *tracked {
+                Tracked::State(state) => x[state] - reference,
+                Tracked::Input(input) => u[input] - reference,
+                // Tracked outputs are evaluated: `NmpcProblem::uses_outputs`.
+                Tracked::Output(_) => f64::NAN,
+            };
+        }
+        for (i, (row, q)) in tracked.iter().zip(q.chunks_exact(tracked.len())).enumerate() {
+            let force: f64 = q.iter().zip(&*error).map(|(q, e)| q * e).sum();
+            block.value += 0.5 * force * error[i];
+            let columns = tracked.iter().zip(q);
+            match *row {
+                Tracked::State(state) => {
+                    block.by_x[state] += force;
+                    let row = &mut block.q[state * nx..(state + 1) * nx];
+                    for (column, q) in columns {
+                        if let Tracked::State(column) = *column {
+                            row[column] += q;
+                        }
+                    }
+                }
+                Tracked::Input(input) => {
+                    block.by_u[input] += force;
+                    for (column, q) in columns {
+                        match *column {
+                            Tracked::State(state) => block.s[input * nx + state] += q,
+                            Tracked::Input(other) => block.r[input * nu + other] += q,
+                            Tracked::Output(_) => {}
+                        }
+                    }
+                }
+                Tracked::Output(_) => {}
+            }
+        }
     }
 
     /// Adds (C D)'(2 Q)(C D) and (C D)'(2 Q) e.
