@@ -3,7 +3,8 @@
 use crate::horizon::n2_of;
 use crate::{Finding, LISTED, Subject, short};
 use pinc_analysis::{
-    OperatingPoint, StateSpace, StaticGain, TimeScales, TransmissionZeros, common_plane, common_ratio,
+    OperatingPoint, StateSpace, StaticGain, TimeScales, TransmissionZeros, common_plane,
+    common_ratio,
 };
 
 /// A zero this far below the fastest rate is at 0.

@@ -245,7 +245,8 @@ pub(crate) fn single_rounding(folded: &FoldedNet, ends: &[(f64, f64)]) -> Vec<f6
         let point: Vec<f64> = point.into_iter().map(single).collect();
         let found = step(folded, &point, single);
         worst.resize(found.len(), 0.0_f64);
-        for ((worst, found), exact) in worst.iter_mut().zip(found).zip(step(folded, &point, |v| v)) {
+        for ((worst, found), exact) in worst.iter_mut().zip(found).zip(step(folded, &point, |v| v))
+        {
             *worst = worst.max((found - exact).abs());
         }
     }

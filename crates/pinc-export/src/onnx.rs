@@ -52,7 +52,9 @@ pub fn net_to_onnx(
     };
     let states = origin.state_list();
     let certificate = origin.proven.as_ref().map(|proven| match precision {
-        Precision::Single => format!("{proven}; in 64 bits, what `rounding` says comes to it in 32"),
+        Precision::Single => {
+            format!("{proven}; in 64 bits, what `rounding` says comes to it in 32")
+        }
         Precision::Double => proven.clone(),
     });
     let writer = Writer { precision };

@@ -75,7 +75,8 @@ impl Origin {
                 let _ = writeln!(text, " *   {}", comment(&row));
             }
             if let Some(proven) = &self.proven {
-                let _ = writeln!(text, " *\n * Certificate, in double precision: {}", comment(proven));
+                let _ =
+                    writeln!(text, " *\n * Certificate, in double precision: {}", comment(proven));
             }
         }
         text + " */"

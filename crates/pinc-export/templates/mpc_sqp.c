@@ -746,7 +746,10 @@ static pinc_status pinc_iterate(pinc_mpc *m, const PINC_REAL *reference, PINC_RE
             pinc_step_on_the_way(m);
             return PINC_DEADLINE;
         }
-        if (solved == PINC_QP_INFEASIBLE) {
+        if ((solved == PINC_QP_INFEASIBLE) ||
+            ((solved != PINC_QP_SOLVED) && (m->elastic == PINC_EXACT_SOFT))) {
+            /* A program in between is none that the plan gains by. */
+            m->iterations -= (m->elastic == PINC_EXACT_SOFT) ? 1 : 0;
             const pinc_status status = pinc_soften(m, reference, &cost, PINC_INFEASIBLE_QP);
             if (status != PINC_CONVERGED) {
                 return status;

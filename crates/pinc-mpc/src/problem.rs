@@ -184,7 +184,13 @@ impl NmpcProblem {
     /// The units in which the optimization computes in a step from `x0`, `n`, with the references of its stages,
     /// `[N2, outputs]`, and the input before it, `m`.
     #[must_use]
-    pub fn units_from(&self, dims: Dims, x0: &[f64], references: &[f64], u: &[f64]) -> ProblemUnits {
+    pub fn units_from(
+        &self,
+        dims: Dims,
+        x0: &[f64],
+        references: &[f64],
+        u: &[f64],
+    ) -> ProblemUnits {
         let targets = Targets { reference: references, previous: u };
         self.units_of(dims, |units| _ = units.follow(x0, Some(targets)))
     }

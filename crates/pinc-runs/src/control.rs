@@ -188,7 +188,7 @@ fn run_model(
     let measured = setup.sections().map_or_else(Vec::new, |(_, of)| of.names(&variables));
     let names = (&states[..], &measured[..]);
     let estimator = estimates.map(|of| EstimatorMetrics {
-        nearest_held: of.nearest_held(&setup.spec),
+        nearest_held: of.nearest_held(setup.spec),
         targets_not_found: of.target.as_ref().map(SteadyTarget::not_found).filter(|of| *of > 0),
         ..feedback::metrics(of.history(), names, estimator_us)
     });

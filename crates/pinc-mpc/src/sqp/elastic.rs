@@ -56,6 +56,12 @@ impl Sqp {
         true
     }
 
+    /// Whether some of the hard constraints on states are soft and others not yet. A method may fail there
+    /// on what it cannot prove to be infeasible.
+    pub(super) fn is_half_soft(&self) -> bool {
+        self.elastic == Elastic::Exact
+    }
+
     /// Whether some constraints on states are soft where they have to be, and others hard always.
     fn has_exact_and_hard(&self) -> bool {
         let states = self.qp.dims.all_states();
@@ -64,7 +70,9 @@ impl Sqp {
             limits.iter().zip(&self.exact).any(|((limits, count), exact)| {
                 let rows = limits.iter().zip(exact).take(*count);
                 rows.into_iter().any(|([low, high, penalty], exact)| {
-                    *exact == wanted && penalty.is_infinite() && (low.is_finite() || high.is_finite())
+                    *exact == wanted
+                        && penalty.is_infinite()
+                        && (low.is_finite() || high.is_finite())
                 })
             })
         };

@@ -302,6 +302,10 @@ impl Sqp {
                 (SqpStatus::Prepared, _) => (SqpStatus::Prepared, self.broken_by_step()),
                 (status, _) => (status, Some(row)),
             },
+            QpStatus::Failed if self.is_half_soft() => {
+                self.soften_more();
+                self.solve_prepared(plan, expired)
+            }
             QpStatus::Failed => (SqpStatus::NumericalTrouble, None),
             QpStatus::Expired => (SqpStatus::Deadline, None),
         }
@@ -402,6 +406,7 @@ impl Sqp {
             iterations += 1;
             self.transcription.follow_plan(Some(iterations));
             self.step.multipliers.copy_from(&plan.multipliers);
+            let half_soft = self.is_half_soft();
             match self.solve_program(expired) {
                 QpStatus::Solved if self.is_unsettled_by_step(plan) => continue,
                 QpStatus::Solved => {}
@@ -410,17 +415,21 @@ impl Sqp {
                     plan_state = PlanState::Partial;
                     break SqpStatus::Deadline;
                 }
-                QpStatus::Infeasible(row) => {
-                    conflict = Some(row);
+                QpStatus::Failed if !half_soft && self.hessian.give_up(iterations) => continue,
+                QpStatus::Failed if !half_soft => break SqpStatus::NumericalTrouble,
+                unsolved @ (QpStatus::Infeasible(_) | QpStatus::Failed) => {
+                    if let QpStatus::Infeasible(row) = unsolved {
+                        conflict = Some(row);
+                    }
                     if !self.soften_more() {
                         break SqpStatus::InfeasibleQp;
                     }
+                    // It is no program that the plan gains by.
+                    iterations -= usize::from(half_soft);
                     self.transcription.renew_output_limits(&mut self.qp);
                     self.hessian.restart(iterations);
                     continue;
                 }
-                QpStatus::Failed if self.hessian.give_up(iterations) => continue,
-                QpStatus::Failed => break SqpStatus::NumericalTrouble,
             }
 
             // alpha, z, lambda

@@ -341,9 +341,12 @@ impl Units {
     }
 
     fn scale_weights(&self, blocks: &mut [f64], rows: &[f64], columns: &[f64]) {
-        for (at, entry) in blocks.iter_mut().enumerate() {
-            let (row, column) = (at / columns.len() % rows.len(), at % columns.len());
-            *entry *= rows[row] * columns[column] / self.cost;
+        // All of them are powers of 2: nothing is rounded.
+        let per_cost = 1.0 / self.cost;
+        for (row, of_row) in blocks.chunks_exact_mut(columns.len()).zip(rows.iter().cycle()) {
+            for (entry, of_column) in row.iter_mut().zip(columns) {
+                *entry *= of_row * of_column * per_cost;
+            }
         }
     }
 

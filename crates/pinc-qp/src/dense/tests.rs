@@ -92,9 +92,10 @@ fn rows_are_met_however_much_violations_cost() {
     let (n, hard) = (3, [[1.0, 0.7, -0.3], [0.2, -0.5, 0.9]]);
     let mut qp = DenseQp::new(n, 3);
     qp.hessian.copy_from_slice(&[1.3, 0.4, 0.2, 0.4, 0.9, -0.3, 0.2, -0.3, 1.7]);
-    for i in 0..n {
-        let soft = 80.0 * hard[0][i] + 33.0 * hard[1][i];
-        qp.matrix[3 * i..3 * i + 3].copy_from_slice(&[hard[0][i], hard[1][i], soft]);
+    for (column, (one, other)) in
+        qp.matrix.chunks_exact_mut(3).zip(hard[0].into_iter().zip(hard[1]))
+    {
+        column.copy_from_slice(&[one, other, 80.0 * one + 33.0 * other]);
     }
     (qp.high[3], qp.high[4], qp.low[5], qp.penalty[5]) = (0.1, 0.3, 1e3, 1e6);
     let mut solver = ActiveSet::new(n, 3);
