@@ -89,7 +89,9 @@ fn judged(
                 sensor.rejected.push(Rejected { step, off: (y[i] - expected).abs(), width });
             }
         }
-        u.copy_from_slice(rehearsal.trace.input(mark));
+        // A sample has the input that led to it.
+        let next = (mark + 1).min(rehearsal.trace.times().len() - 1);
+        u.copy_from_slice(rehearsal.trace.input(next));
         filter.predict(&u);
         if !subject.evidence.work.spend(units) {
             return None;

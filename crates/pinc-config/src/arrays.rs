@@ -117,14 +117,20 @@ const PER_DISTURBANCE: [&str; 2] =
 const PER_IDENTIFIED: [&str; 1] = ["identify.measurement_sd"];
 
 /// Tables with a value for some names.
-const SOME_STATES: [&str; 4] = [
+const SOME_STATES: [&str; 7] = [
     "control.end_state",
+    "control.error_tolerance",
+    "training.proven_tolerance",
+    "control.loads.*.rates",
     "control.uncertainty.boxes",
     "control.bound_schedule.*.state_low",
     "control.bound_schedule.*.state_high",
 ];
-const SOME_INPUTS: [&str; 2] =
-    ["control.bound_schedule.*.input_low", "control.bound_schedule.*.input_high"];
+const SOME_INPUTS: [&str; 3] = [
+    "control.loads.*.inputs",
+    "control.bound_schedule.*.input_low",
+    "control.bound_schedule.*.input_high",
+];
 const SOME_OUTPUTS: [&str; 2] =
     ["control.bound_schedule.*.output_low", "control.bound_schedule.*.output_high"];
 

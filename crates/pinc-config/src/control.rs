@@ -22,8 +22,7 @@ pub struct ControlSpec {
     /// The models in the controller. The loop runs once with each, in this order. With "policy" the
     /// net in `policy` takes the optimization's place, checked by the first of the others.
     pub models: Vec<ModelKind>,
-    /// File of a net in place of the optimization, `policy.json` of `pinc shrink`. Only the model
-    /// "policy" reads it.
+    /// File of a net in place of the optimization, `policy.json` of `pinc shrink`, for the model "policy" only.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub policy: Option<PathBuf>,
     /// The plant in the loop; if absent, the plant that the models describe.
@@ -32,8 +31,7 @@ pub struct ControlSpec {
     /// What the controller measures of the plant in the loop; if absent, all states without noise.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub measurement: Option<MeasurementSpec>,
-    /// The estimator that makes a state of the measurements; if absent, the measured states are
-    /// taken as they are.
+    /// The estimator that makes a state of the measurements; if absent, measured states are taken as they are.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub estimator: Option<EstimatorSpec>,
     /// Length of the run in s, a whole number of T.
@@ -44,8 +42,7 @@ pub struct ControlSpec {
     /// not named here has its value in `[plant]`.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub parameters: BTreeMap<String, f64>,
-    /// Names of the parameters that the controller measures: the models are given the values of the
-    /// plant in the loop.
+    /// Names of the parameters that the controller measures: its models get the values of the plant in the loop.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub measured_parameters: Vec<String>,
     /// Uncertain parameters of the models. The controller then plans for a tree of scenarios, whose
@@ -119,8 +116,7 @@ pub struct ControlSpec {
     /// Q, the weight of the controlled quantities' squared errors.
     #[serde(default, skip_serializing_if = "is_no_weight")]
     pub q: Weight,
-    /// R, the weight of the inputs' squared changes. It may be left out where there is a
-    /// `[control.cost]`.
+    /// R, the weight of the inputs' squared changes. It may be left out beside a `[control.cost]`.
     #[serde(default, skip_serializing_if = "is_no_weight")]
     pub r: Weight,
     /// A cost as text beside the quadratic one, or in its place.
@@ -144,12 +140,10 @@ pub struct ControlSpec {
     /// What the controller does where it cannot meet the bounds of states.
     #[serde(default)]
     pub state_softness: Softness,
-    /// Lower bounds of the predicted outputs that are no states, in the plant's order and units; no
-    /// bounds if absent.
+    /// Lower bounds of predicted outputs that are no states, in the plant's order and units; none if absent.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub output_low: Option<Vec<f64>>,
-    /// Upper bounds of the predicted outputs that are no states, in the plant's order and units; no
-    /// bounds if absent.
+    /// Upper bounds of predicted outputs that are no states, in the plant's order and units; none if absent.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub output_high: Option<Vec<f64>>,
     /// What the controller does where it cannot meet the bounds of outputs.

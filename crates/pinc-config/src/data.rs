@@ -13,8 +13,7 @@ pub struct DataSpec {
     pub held_out: Vec<PathBuf>,
     /// Weight of the mean squared error of the measurements in the loss.
     pub weight: f64,
-    /// Names of unknown parameters of the plant. They are trained with the net, starting from their
-    /// values in `[plant]`.
+    /// Names of unknown parameters of the plant, trained with the net from their values in `[plant]` on.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub parameters: Vec<String>,
 }

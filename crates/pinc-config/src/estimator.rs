@@ -11,8 +11,7 @@ pub struct MeasurementSpec {
     /// Names of the states and outputs that are measured; all states if absent.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub measured: Option<Vec<String>>,
-    /// Standard deviation of the noise of each measured quantity, drawn from the experiment's seed;
-    /// no noise if absent.
+    /// Standard deviation of each measured quantity's noise, drawn from the experiment's seed; none if absent.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub noise_sd: Option<Vec<f64>>,
 }

@@ -225,8 +225,7 @@ impl Experiment {
         table
     }
 
-    /// The experiment of a table with other values for some keys, checked; or the key and what is
-    /// wrong with its value.
+    /// The experiment of a table with other values for some keys, checked; or the key and what is wrong there.
     pub(crate) fn with_values<'a>(
         mut table: Table,
         plants: &Plants,
@@ -336,8 +335,7 @@ impl Experiment {
         })
     }
 
-    /// The scenarios of the controller, if it has any, by the places of
-    /// [`Experiment::loop_parameters`].
+    /// The scenarios of the controller, if it has any, by the places of [`Experiment::loop_parameters`].
     #[must_use]
     pub fn scenarios(&self) -> Option<Scenarios> {
         let spec = self.control.as_ref()?.scenarios.as_ref()?;
@@ -431,8 +429,7 @@ pub fn steps(duration_s: f64, sample_time_s: f64) -> usize {
     step_at(duration_s, sample_time_s).max(1)
 }
 
-/// The step that begins at a time, 0 at the beginning of the loop; the config was checked for one
-/// to begin there.
+/// The step that begins at a time, 0 at the loop's beginning; the config was checked for one to begin there.
 pub(crate) fn step_at(time_s: f64, sample_time_s: f64) -> usize {
     #[expect(
         clippy::cast_possible_truncation,

@@ -45,8 +45,7 @@ impl ControlSpec {
 }
 
 impl Experiment {
-    /// The plants that the horizon of `[control]` needs beside the plant itself, with the parameters
-    /// `varying`.
+    /// The plants that the horizon needs beside the plant itself, with the parameters `varying`.
     ///
     /// # Panics
     ///

@@ -98,8 +98,7 @@ impl ControlSpec {
     ///
     /// # Errors
     ///
-    /// [`MpcError`] if there are other bounds than the problem has, or a lower one is above its
-    /// upper one.
+    /// [`MpcError`] if there are other bounds than the problem has, or a lower one is above its upper one.
     pub fn bound_schedule(
         &self,
         problem: &NmpcProblem,

@@ -205,7 +205,7 @@ impl UncertaintySpec {
         let (dims, problem) = parts.sizes;
         let intervals = self.parameters.values().zip(parts.places);
         let intervals = intervals.map(|(&[low, high], &place)| Interval { place, low, high });
-        let units = problem.units(dims).states;
+        let units = problem.units(dims, None).states;
         let states = parts.variables.state_names();
         let is_limited = !self.boxes.is_empty() || parts.proven.is_some();
         let sources = Sources {

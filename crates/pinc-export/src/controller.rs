@@ -185,7 +185,8 @@ impl<'a> Controller<'a> {
     pub(crate) fn units(&self, dims: Dims) -> ProblemUnits {
         let mut references = vec![0.0; self.problem.horizon * self.problem.tracked.len()];
         self.window(0, &mut references);
-        self.problem.units_from(dims, self.initial_state, &references, &self.first_input(dims))
+        let seen = [self.initial_state, &self.first_input(dims), &references];
+        self.problem.units(dims, Some(seen))
     }
 
     /// Whether the bounds of states and inputs are the same along the horizon, so that a running

@@ -23,6 +23,8 @@ pub(crate) struct Analysis {
     /// The singular values of the residuals' derivatives by all unknowns, each in its scale, from
     /// the largest.
     pub(crate) singular_values: Vec<f64>,
+    /// How many directions of the unknowns the residuals determine.
+    pub(crate) rank: usize,
     /// The unknowns on which no residual depends.
     pub(crate) without_influence: Vec<usize>,
     /// Directions along which no residual changes: the relative change of each unknown.
@@ -39,6 +41,7 @@ impl Analysis {
             sd: vec![f64::INFINITY; unknowns],
             correlation: vec![f64::NAN; unknowns * unknowns],
             singular_values: Vec::new(),
+            rank: 0,
             without_influence: columns.without_influence(problem, fit),
             directions: Vec::new(),
         };
@@ -85,7 +88,7 @@ impl Analysis {
             named < 0.5 * squares(direction)
         };
         let directions = (rank..matrix.ncols()).map(direction).filter(alone).collect();
-        columns.marked(Self { sd, correlation, singular_values: sigma, directions, ..empty })
+        columns.marked(Self { sd, correlation, singular_values: sigma, rank, directions, ..empty })
     }
 }
 

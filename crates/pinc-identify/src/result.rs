@@ -113,9 +113,8 @@ impl Identified {
         let given = |y: &&f64| !y.is_nan();
         let measurements: usize =
             fit.recordings.iter().map(|of| of.recording.y.iter().filter(given).count()).sum();
-        let held = analysis.sd.iter().filter(|sd| sd.is_nan()).count();
-        let unknowns = problem.unknowns(with.dims, fit.recordings.len()) - held;
-        let degrees_of_freedom = measurements + problem.priors() - unknowns;
+        // What no residual depends on, or a bound holds, is not fitted.
+        let degrees_of_freedom = measurements + problem.priors() - analysis.rank;
         let cost = fit.cost();
         let s = (2.0 * cost / degrees_of_freedom as f64).sqrt();
         let factor = s * quantile_95(degrees_of_freedom);

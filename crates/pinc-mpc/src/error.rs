@@ -5,9 +5,8 @@ use pinc_ode::{ArgumentError, OdeError};
 use pinc_qp::QpError;
 use thiserror::Error;
 
-/// An error of this crate. It means that something was put together wrongly, or that a simulated
-/// plant could not be integrated; that an optimization did not converge is no error but a
-/// [`SqpStatus`](crate::SqpStatus).
+/// An error of this crate. It means that something was put together wrongly, or that a simulated plant could
+/// not be integrated; that an optimization did not converge is no error but a [`SqpStatus`](crate::SqpStatus).
 #[derive(Clone, Debug, Error, PartialEq)]
 #[non_exhaustive]
 pub enum MpcError {

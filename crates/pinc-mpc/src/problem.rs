@@ -64,8 +64,7 @@ pub struct NmpcProblem {
     pub constraints: Option<Constraints>,
     /// How hard these are, per row of h and then of g.
     pub constraint_softness: Softness,
-    /// p, the model's parameters, `np`, until
-    /// [`Nmpc::set_parameters`](crate::Nmpc::set_parameters).
+    /// p, the model's parameters, `np`, until [`Nmpc::set_parameters`](crate::Nmpc::set_parameters).
     pub parameters: Vec<f64>,
     /// How many whole steps pass until an input acts: the input chosen at step k is the plant's in
     /// step k + delay. The problem then starts at the state predicted for step k + delay.
@@ -174,34 +173,18 @@ impl NmpcProblem {
         self.constraint_softness.validate("constraint_softness", rows)
     }
 
-    /// The units in which the optimization computes, by bounds, sizes and weights. (The unit of a
-    /// state or an input without bounds is 1 until it is seen to be large.)
+    /// The units in which the optimization computes, by bounds, sizes and weights; and by a step, if one is `seen`,
+    /// where they say nothing: by its state, `n`, the input before, `m`, and its references, `[N2, outputs]`.
     #[must_use]
-    pub fn units(&self, dims: Dims) -> ProblemUnits {
-        self.units_of(dims, |_| ())
-    }
-
-    /// The units in which the optimization computes in a step from `x0`, `n`, with the references of its stages,
-    /// `[N2, outputs]`, and the input before it, `m`.
-    #[must_use]
-    pub fn units_from(
-        &self,
-        dims: Dims,
-        x0: &[f64],
-        references: &[f64],
-        u: &[f64],
-    ) -> ProblemUnits {
-        let targets = Targets { reference: references, previous: u };
-        self.units_of(dims, |units| _ = units.follow(x0, Some(targets)))
-    }
-
-    fn units_of(&self, dims: Dims, adapt: impl Fn(&mut Units)) -> ProblemUnits {
+    pub fn units(&self, dims: Dims, seen: Option<[&[f64]; 3]>) -> ProblemUnits {
         // One row of each output is enough.
         let rows = OutputRows::new(self, dims, &vec![false; dims.ny]);
         let dims = self.ocp_dims(dims, &rows);
         let cost = Cost::new(self, dims, &Nodes::new(self, dims));
         let mut units = Units::new(self, dims, &rows);
-        adapt(&mut units);
+        if let Some([x, previous, reference]) = seen {
+            units.follow(x, Some(Targets { reference, previous }));
+        }
         units.choose_cost(&cost.state_hessians(), &cost.increment_hessians());
         units.of_problem()
     }

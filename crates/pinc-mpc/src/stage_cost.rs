@@ -104,13 +104,12 @@ pub trait StageCost: Debug + Send {
         let _ = points;
     }
 
-    /// Whether `quadratize` writes value and gradient only. The optimization then takes the exact
-    /// Hessian of the Lagrangian in place of the Gauss-Newton Hessian: second derivatives of the
-    /// cost, the model, outputs, h and g by differences of their exact gradients. Where this Hessian is
-    /// not positive definite on the dynamics and active limits, negative curvature by inputs is
-    /// replaced by its absolute value, stage by stage, and
-    /// [`StepReport::curvature_dropped`](crate::StepReport) says so.
-    /// Real-time iterations cannot have such a cost.
+    /// Whether `quadratize` writes value and gradient only. The optimization then takes the exact Hessian of
+    /// the Lagrangian in place of the Gauss-Newton Hessian: second derivatives of the cost, the model, outputs,
+    /// h and g by differences of their exact gradients. Where this Hessian is not positive definite on the
+    /// dynamics and active limits, negative curvature by inputs is replaced by its absolute value, stage by
+    /// stage, and [`StepReport::curvature_dropped`](crate::StepReport) says so. Real-time iterations cannot
+    /// have such a cost.
     fn leaves_out_hessian(&self) -> bool {
         false
     }

@@ -25,7 +25,8 @@ pub(crate) struct StageTerms {
     nodes: Nodes,
     /// What is tracked, if these are not all states.
     tracked: Vec<Tracked>,
-    tracks_outputs: bool,
+    /// Their places in (x, u), if none is an output.
+    variables: Vec<usize>,
     pub(crate) cost: Option<Box<dyn StageCost>>,
     /// Seconds from the first stage to each.
     times: Vec<f64>,
@@ -55,6 +56,11 @@ impl StageTerms {
             return None;
         }
         let tracked = if states { Vec::new() } else { problem.tracked.clone() };
+        let place = |of: &Tracked| match *of {
+            Tracked::State(state) => Some(state),
+            Tracked::Input(input) => Some(dims.nx + input),
+            Tracked::Output(_) => None,
+        };
         let width = tracked.len() * (dims.nx + dims.nu);
         Some(Self {
             dims,
@@ -67,7 +73,7 @@ impl StageTerms {
             jacobian: vec![0.0; width],
             weighted: vec![0.0; width],
             error: vec![0.0; tracked.len()],
-            tracks_outputs: tracked.iter().any(|of| matches!(of, Tracked::Output(_))),
+            variables: tracked.iter().map(place).collect::<Option<_>>().unwrap_or_default(),
             tracked,
         })
     }
@@ -201,7 +207,7 @@ impl StageTerms {
         let OcpDims { nx, nu, .. } = self.dims;
         let (width, count) = (nx + nu, self.tracked.len());
         let reference = &targets.reference[(j - 1) * count..j * count];
-        let Some(outputs) = outputs.filter(|_| self.tracks_outputs) else {
+        let Some(outputs) = outputs.filter(|_| self.variables.is_empty()) else {
             return self.track_variables(q, [x, u], reference);
         };
         for (i, (tracked, row)) in
@@ -244,40 +250,22 @@ impl StageTerms {
     /// The same where only states and inputs are tracked: a row of (C D) has a single 1.
     fn track_variables(&mut self, q: &[f64], [x, u]: [&[f64]; 2], reference: &[f64]) {
         let OcpDims { nx, nu, .. } = self.dims;
-        let Self { tracked, error, block, .. } = self;
-        for ((error, tracked), reference) in error.iter_mut().zip(&*tracked).zip(reference) {
-            *error = match *tracked {
-                Tracked::State(state) => x[state] - reference,
-                Tracked::Input(input) => u[input] - reference,
-                // Tracked outputs are evaluated: `NmpcProblem::uses_outputs`.
-                Tracked::Output(_) => f64::NAN,
-            };
+        let Self { variables, error, block, .. } = self;
+        for ((error, &place), reference) in error.iter_mut().zip(&*variables).zip(reference) {
+            *error = place.checked_sub(nx).map_or_else(|| x[place], |input| u[input]) - reference;
         }
-        for (i, (row, q)) in tracked.iter().zip(q.chunks_exact(tracked.len())).enumerate() {
+        for (i, (&row, q)) in variables.iter().zip(q.chunks_exact(variables.len())).enumerate() {
             let force: f64 = q.iter().zip(&*error).map(|(q, e)| q * e).sum();
             block.value += 0.5 * force * error[i];
-            let columns = tracked.iter().zip(q);
-            match *row {
-                Tracked::State(state) => {
-                    block.by_x[state] += force;
-                    let row = &mut block.q[state * nx..(state + 1) * nx];
-                    for (column, q) in columns {
-                        if let Tracked::State(column) = *column {
-                            row[column] += q;
-                        }
-                    }
+            let input = row.checked_sub(nx);
+            *input.map_or_else(|| &mut block.by_x[row], |input| &mut block.by_u[input]) += force;
+            for (&column, q) in variables.iter().zip(q) {
+                match (input, column.checked_sub(nx)) {
+                    (None, None) => block.q[row * nx + column] += q,
+                    (Some(input), None) => block.s[input * nx + column] += q,
+                    (Some(input), Some(other)) => block.r[input * nu + other] += q,
+                    (None, Some(_)) => {}
                 }
-                Tracked::Input(input) => {
-                    block.by_u[input] += force;
-                    for (column, q) in columns {
-                        match *column {
-                            Tracked::State(state) => block.s[input * nx + state] += q,
-                            Tracked::Input(other) => block.r[input * nu + other] += q,
-                            Tracked::Output(_) => {}
-                        }
-                    }
-                }
-                Tracked::Output(_) => {}
             }
         }
     }

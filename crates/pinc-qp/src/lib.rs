@@ -5,7 +5,7 @@
 //!   solution with the [`Multipliers`].
 //! - [`QpSolver`]: a method; [`ChosenQp`] the one that [`QpMethod`] names, which says in what units
 //!   a program may be.
-//! - [`Convexifier`]: makes a program convex where it is not.
+//! - [`Convexifier`]: makes a program convex where it is not; [`Elastic`]: its hard limits soft for a while.
 
 #![forbid(unsafe_code)]
 
@@ -36,6 +36,7 @@ mod clarabel;
 mod condense;
 mod convexify;
 mod dense;
+mod elastic;
 mod factor;
 mod multipliers;
 mod ocp_dims;
@@ -50,6 +51,7 @@ pub use algebra::{all_finite, largest, symmetrize};
 pub use anderson::Anderson;
 pub use choice::{ChosenQp, QpError, QpMethod};
 pub use convexify::{Convexifier, Convexity};
+pub use elastic::Elastic;
 pub use multipliers::{Multipliers, residual_scale};
 pub use ocp_dims::{OcpDims, RowBlock};
 pub use riccati::Barrier;

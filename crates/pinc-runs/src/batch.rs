@@ -22,9 +22,8 @@ pub struct BatchController {
 }
 
 impl BatchController {
-    /// The controller of `experiment` with the net of `model`, or `only` one of the config's
-    /// models, or else the first of them, on so many threads (0: one per core). `command` is named
-    /// in errors.
+    /// The controller of `experiment` with the net of `model`, or `only` one of the config's models, or else
+    /// the first of them, on so many threads (0: one per core). `command` is named in errors.
     ///
     /// # Errors
     ///

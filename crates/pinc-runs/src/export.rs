@@ -105,8 +105,7 @@ fn estimated(experiment: &Experiment, to: Target) -> Result<PlantEquations, RunE
 ///
 /// # Errors
 ///
-/// [`RunError`] if the controller has something that cannot be exported, or files cannot be
-/// written.
+/// [`RunError`] if the controller has something that cannot be exported, or files cannot be written.
 pub fn export_controller(
     experiment: &Experiment,
     model: Option<&Path>,

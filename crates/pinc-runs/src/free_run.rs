@@ -74,8 +74,7 @@ fn simulate(
             truth.integrate(&mut x, input, sample_time_s / subintervals as f64)?;
             let held = if i < subintervals { input } else { &inputs[(k + 1).min(steps - 1)] };
             let (state, mark) = match net.time_only() {
-                // It has no initial state to be fed back: beyond T it is asked for what it never
-                // learnt.
+                // It has no initial state to be fed back: beyond T it is asked for what it never learnt.
                 Some(_) => (net.evaluate(t, &spec.initial_state, input, p), i == subintervals),
                 None => {
                     let mut step = |t, y0: &[f64], u: &[f64]| net.evaluate(t, y0, u, p);

@@ -11,8 +11,7 @@ use std::borrow::Cow;
 /// Beyond the box by less than this share of its width is rounding.
 const ROUNDING: f64 = 1e-9;
 
-/// Looks at each use of a net: the initial state of a step and those of a plan, its input, and the
-/// parameters.
+/// Looks at each use of a net: the initial state of a step and those of a plan, its input, and the parameters.
 #[derive(Debug)]
 pub(crate) struct Guard<'n> {
     net: Cow<'n, PincNet>,

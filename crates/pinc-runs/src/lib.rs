@@ -185,8 +185,7 @@ pub fn rebuild_report(dir: &Path) -> Result<PathBuf, RunError> {
 ///
 /// # Errors
 ///
-/// [`RunError`] if a directory holds no run, the plants differ, or a file is damaged or cannot be
-/// written.
+/// [`RunError`] if a directory holds no run, the plants differ, or a file is damaged or cannot be written.
 pub fn compare(dirs: &[PathBuf], page: &Path) -> Result<(), RunError> {
     let comparison = report::compare(dirs)?;
     dirs.iter().try_for_each(|dir| check_page(("--out", page), dir))?;

@@ -32,13 +32,12 @@ fn family(experiment: &Experiment, net: &PincNet) -> Box<dyn DynPlant> {
 /// Reads the inputs from the file `inputs`, lets the net of the file `model` run freely, and writes
 /// its states to the file `output`.
 ///
-/// The input has the columns `scenario`, `t`, the net's inputs, the parameters that the net takes
-/// as inputs, if there are any, and the net's states, in any order. The first row of a scenario
-/// gives its initial state; the inputs and parameters of a row hold until the scenario's next;
-/// other state cells may be empty. The net is chained every T from the scenario's first row on and
-/// asked at the times between. Where the inputs change within an interval of T, the chain is
-/// restarted: a new interval begins at that row. The output has the same columns. A distilled net
-/// cannot be asked between steps: all rows have to lie on step marks.
+/// The input has the columns `scenario`, `t`, the net's inputs, the parameters that the net takes as inputs, if
+/// there are any, and the net's states, in any order. The first row of a scenario gives its initial state; the
+/// inputs and parameters of a row hold until the scenario's next; other state cells may be empty. The net is
+/// chained every T from the scenario's first row on and asked at the times between. Where the inputs change
+/// within an interval of T, the chain is restarted: a new interval begins at that row. The output has the same
+/// columns. A distilled net cannot be asked between steps: all rows have to lie on step marks.
 ///
 /// With `judged`, the config whose plant the net stands for, each state has one more column,
 /// `<state>_err`: the estimated error of this value, to first order, which the chain carries on.
@@ -47,9 +46,8 @@ fn family(experiment: &Experiment, net: &PincNet) -> Box<dyn DynPlant> {
 ///
 /// # Errors
 ///
-/// [`RunError`], naming file, line and column of what is wrong with the input;
-/// [`RunError::Failed`] if a state is no number, or the net was asked outside its training domain
-/// and `policy` is to refuse that.
+/// [`RunError`], naming file, line and column of what is wrong with the input; [`RunError::Failed`] if a state
+/// is no number, or the net was asked outside its training domain and `policy` is to refuse that.
 pub fn predict(
     model: &Path,
     inputs: &Path,

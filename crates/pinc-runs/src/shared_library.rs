@@ -7,8 +7,7 @@ use std::fs;
 use std::io::ErrorKind;
 use std::process::Command;
 
-/// A platform with the folder that it has in each version of FMI, if it has one, and its cross
-/// compiler.
+/// A platform with the folder that it has in each version of FMI, if it has one, and its cross compiler.
 struct Platform {
     is_this: bool,
     folders: [Option<&'static str>; 2],
@@ -28,9 +27,8 @@ const PLATFORMS: [Platform; 2] = [
     },
 ];
 
-/// The shared libraries of the C files among the content of an FMU, for this machine and for those
-/// whose cross compiler is installed; none on other machines than these, where the FMU has its sources
-/// only.
+/// The shared libraries of the C files among the content of an FMU, for this machine and for those whose cross
+/// compiler is installed; none on other machines than these, where the FMU has its sources only.
 ///
 /// # Errors
 ///

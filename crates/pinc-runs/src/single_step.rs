@@ -84,8 +84,7 @@ impl Steps {
         to
     }
 
-    /// Points in a row, `[points, nx]`, `[points, nu]` and `[points, np]`; after the last comes the
-    /// first.
+    /// Points in a row, `[points, nx]`, `[points, nu]` and `[points, np]`; after the last comes the first.
     fn flat(&self, points: Range<usize>) -> [Vec<f64>; 3] {
         let of = |get: fn(&Points, usize) -> &[f64]| {
             let points = points.clone().map(|i| get(&self.points, i % self.points.len()));
@@ -158,8 +157,7 @@ impl Steps {
         })
     }
 
-    /// The median time of a step with both Jacobians, when a controller asks for `stages` points at
-    /// a time.
+    /// The median time of a step with both Jacobians, when a controller asks for `stages` points at a time.
     pub fn forward_jacobian_ns(&self, model: &mut dyn Model, stages: usize, seconds: f64) -> f64 {
         let calls = (self.points.len().min(BATCH) / stages).max(1);
         let horizon = |call: usize| self.flat(call * stages..(call + 1) * stages);

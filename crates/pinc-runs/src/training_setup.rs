@@ -63,8 +63,7 @@ impl<'a> TrainingSetup<'a> {
         Ok((TrainerInputs { plant, training, validation, measured, weight, unknown }, test))
     }
 
-    /// The plant with the parameters that were trained with the net, if any were, and the scenarios
-    /// of it.
+    /// The plant with the parameters that were trained with the net, if any were, and the scenarios of it.
     pub(super) fn found(
         &self,
         experiment: &Experiment,

@@ -41,8 +41,7 @@ impl PlantSpec {
         }
     }
 
-    /// The parameters that may vary, with their nominal values; none for a plant that another
-    /// program simulates.
+    /// The parameters that may vary, with their nominal values; none if another program simulates the plant.
     #[must_use]
     pub fn parameters(&self) -> BTreeMap<String, f64> {
         self.equations().map_or_else(BTreeMap::new, |equations| equations.parameters().clone())

@@ -169,8 +169,7 @@ impl SearchRange {
         value(key, format!("{low} to {high}"), expected)
     }
 
-    /// The value at a place from 0 to 1. It has four digits, so that the last bits of a logarithm
-    /// do not matter.
+    /// The value at a place from 0 to 1, of four digits: the last bits of a logarithm do not matter.
     pub(crate) fn value(&self, place: f64) -> Value {
         let (Some(low), Some(high)) = (self.low, self.high) else {
             let count = self.values.len();

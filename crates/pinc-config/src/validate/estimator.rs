@@ -85,14 +85,9 @@ fn tuned(spec: &EstimatorSpec, variables: &Variables, measured: usize) -> Checke
         let expected = "a positive and finite number of standard deviations, or \"off\"";
         return value(&key("gate"), sd, expected);
     }
-    match spec.alpha {
-        Some(alpha) if spec.kind != EstimatorKind::Ukf => {
-            return value(&key("alpha"), alpha, "no such key: it is for kind = \"ukf\"");
-        }
-        Some(alpha) if !(alpha > 0.0 && alpha <= 1.0) => {
-            return value(&key("alpha"), alpha, "more than 0, and 1 or less");
-        }
-        Some(_) | None => {}
+    let is_alpha = |alpha: f64| spec.kind == EstimatorKind::Ukf && alpha > 0.0 && alpha <= 1.0;
+    if let Some(alpha) = spec.alpha.filter(|alpha| !is_alpha(*alpha)) {
+        return value(&key("alpha"), alpha, "more than 0, and 1 or less, for kind = \"ukf\" alone");
     }
     bounds(&key(""), [spec.low.as_deref(), spec.high.as_deref()], states, "state")?;
     match (spec.kind, spec.window) {

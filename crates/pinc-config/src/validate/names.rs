@@ -18,8 +18,7 @@ const DISTURBANCE: &str = "d_";
 /// Columns of their own in these tables.
 const TAKEN: [&str; 7] = ["t", "mark", "scenario", "nis", "nees", "rejected", "error"];
 
-/// Checks that names and units have no control characters, which the files of a run and of an
-/// export cannot have.
+/// Checks that names and units have no control characters, which files of runs and exports cannot have.
 pub(super) fn printable(place: &str, plant: &PlantSpec) -> Checked {
     let variables = plant.variables();
     let lists = [

@@ -78,7 +78,7 @@ pub(crate) fn in_odd_units() -> Case {
 #[test]
 fn controllers_in_odd_units_take_the_librarys_steps() {
     let mut case = in_odd_units();
-    let units = case.problem.units(case.model().dims());
+    let units = case.problem.units(case.model().dims(), None);
     assert!(units.states[0] > 1.0 && units.states[1] < 1.0 && units.inputs[0] > 1.0, "{units:?}");
     // Differences are counted in these units.
     let seen = compare(&case, 1000, 21);

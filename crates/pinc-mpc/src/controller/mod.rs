@@ -293,8 +293,7 @@ impl Nmpc {
     ///
     /// # Errors
     ///
-    /// [`MpcError`] if `u` is of the wrong length, not finite or beyond its bounds; nothing has
-    /// happened then.
+    /// [`MpcError`] if `u` is of the wrong length, not finite or beyond its bounds; nothing has happened then.
     pub fn set_applied_input(&mut self, u: &[f64]) -> Result<(), MpcError> {
         self.check_applied_input(u)?;
         self.previous.copy_from_slice(u);

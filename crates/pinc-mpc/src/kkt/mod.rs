@@ -7,11 +7,10 @@ use crate::solution::Solution;
 use pinc_qp::{Limits, Qp, largest, residual_scale};
 
 /// The residuals of the conditions of Karush, Kuhn and Tucker, of the nonlinear problem itself (see
-/// [`Solution`] for its Lagrangian L): largest absolute values, in the problem's units where its
-/// quantities are of ordinary size (1/16 to 1024). Other quantities, as their bounds or
-/// [`NmpcProblem::state_sizes`](crate::NmpcProblem::state_sizes) tell their size, are counted in a
-/// power of 2 of which that size is 8 to 16; so is the cost, where its weights are not ordinary
-/// numbers.
+/// [`Solution`] for its Lagrangian L): largest absolute values, in the problem's units where its quantities are
+/// of ordinary size (1/16 to 1024). Other quantities, as their bounds or
+/// [`NmpcProblem::state_sizes`](crate::NmpcProblem::state_sizes) tell their size, are counted in a power of 2
+/// of which that size is 8 to 16; so is the cost, where its weights are not ordinary numbers.
 ///
 /// Scaling: stationarity and complementarity grow with the cost, whose unit is arbitrary. As in
 /// IPOPT both are divided by s = max(1, mean |multiplier| / 100) (see [`residual_scale`]), which is

@@ -1,5 +1,4 @@
-//! The elastic mode: hard constraints on states made soft where they contradict each other, those first that
-//! the problem has as soft where they have to be.
+//! The elastic mode: hard constraints on states made soft where they contradict each other.
 
 use super::hessian::Hessian;
 use super::{Outcome, PlanState, Sqp};
@@ -13,25 +12,13 @@ use pinc_qp::{Kind, OcpDims, Qp, Row};
 /// The weight of a violation where it cannot be avoided, in terms of the cost's largest slope and curvature.
 const ELASTIC_WEIGHT: f64 = 1e3;
 
-/// Which hard constraints on states are soft for now.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Elastic {
-    None,
-    /// Those that the problem has as soft where they have to be ([`Softness::Exact`]).
-    Exact,
-    All,
-}
-
 impl Sqp {
     /// Makes more of the hard constraints on states soft; false if all are.
     #[inline(never)]
     pub(super) fn soften_more(&mut self) -> bool {
-        let next = match self.elastic {
-            Elastic::None if self.has_exact_and_hard() => Elastic::Exact,
-            Elastic::None | Elastic::Exact => Elastic::All,
-            Elastic::All => return false,
-        };
-        self.elastic = next;
+        if !self.elastic.soften_more(&self.qp) {
+            return false;
+        }
         self.acceleration.reset();
         let qp = match self.hessian.current() {
             Hessian::GaussNewton => &self.qp,
@@ -42,41 +29,9 @@ impl Sqp {
         let weight = ELASTIC_WEIGHT * parts.map(|part| size(part)).iter().sum::<f64>().max(1.0);
         let weight = self.weight.filter(|_| self.keeps_weight).unwrap_or(weight);
         self.weight = Some(weight);
-        let states = qp.dims.all_states();
-        for qp in [&mut self.qp, &mut self.trial] {
-            let found = [&mut qp.bounds.penalty[..states], &mut qp.rows.penalty];
-            for ((found, own), exact) in found.into_iter().zip(&self.penalties).zip(&self.exact) {
-                for ((found, own), exact) in found.iter_mut().zip(own).zip(exact) {
-                    if own.is_infinite() && (*exact || next == Elastic::All) {
-                        *found = weight;
-                    }
-                }
-            }
-        }
+        self.elastic.write(&mut self.qp, weight);
+        self.elastic.write(&mut self.trial, weight);
         true
-    }
-
-    /// Whether some of the hard constraints on states are soft and others not yet. A method may fail there
-    /// on what it cannot prove to be infeasible.
-    pub(super) fn is_half_soft(&self) -> bool {
-        self.elastic == Elastic::Exact
-    }
-
-    /// Whether some constraints on states are soft where they have to be, and others hard always.
-    fn has_exact_and_hard(&self) -> bool {
-        let states = self.qp.dims.all_states();
-        let limits = [(&self.qp.bounds, states), (&self.qp.rows, usize::MAX)];
-        let has = |wanted: bool| {
-            limits.iter().zip(&self.exact).any(|((limits, count), exact)| {
-                let rows = limits.iter().zip(exact).take(*count);
-                rows.into_iter().any(|([low, high, penalty], exact)| {
-                    *exact == wanted
-                        && penalty.is_infinite()
-                        && (low.is_finite() || high.is_finite())
-                })
-            })
-        };
-        has(true) && has(false)
     }
 
     /// Keeps the weight of violations for the rest of the control step, whose plans are compared.
@@ -86,26 +41,7 @@ impl Sqp {
 
     /// Makes hard constraints as they were.
     pub(super) fn leave_elastic(&mut self) {
-        if self.elastic != Elastic::None {
-            self.elastic = Elastic::None;
-            self.restore(true);
-        }
-    }
-
-    /// Gives bounds and rows the penalties that the problem has, `all` of them or all but those that stay
-    /// soft where they have to be.
-    #[inline(never)]
-    fn restore(&mut self, all: bool) {
-        for qp in [&mut self.qp, &mut self.trial] {
-            let found = [&mut qp.bounds.penalty, &mut qp.rows.penalty];
-            for ((found, own), exact) in found.into_iter().zip(&self.penalties).zip(&self.exact) {
-                for ((found, own), exact) in found.iter_mut().zip(own).zip(exact) {
-                    if all || !exact {
-                        *found = *own;
-                    }
-                }
-            }
-        }
+        self.elastic.leave([&mut self.qp, &mut self.trial]);
     }
 
     /// Gives a program in the plant's units the weights of violations that the last step needed.
@@ -132,8 +68,8 @@ impl Sqp {
         plan: &Solution,
         conflict: Option<Row>,
     ) -> Outcome {
-        if self.elastic != Elastic::None {
-            self.restore(false);
+        if self.elastic.is_soft() {
+            self.elastic.harden(&mut self.qp);
             admit_given(&mut self.qp);
             outcome.last = match outcome.plan_state {
                 PlanState::Evaluated => self.residual(plan),
@@ -166,7 +102,7 @@ impl Sqp {
     /// The hard row that the step violates most, of the QP at the plan and beyond the tolerance.
     pub(super) fn broken_by_step(&mut self) -> Option<Row> {
         // What the problem has as soft where it must be is not broken.
-        self.restore(false);
+        self.elastic.harden(&mut self.qp);
         let (excess, row) = worst_row(limits_after(&self.qp, &self.step.d))?;
         (excess > self.config.tolerance).then_some(row)
     }

@@ -17,11 +17,10 @@ use crate::solution::Solution;
 use crate::stage_cost::StageCost;
 use crate::transcription::Transcription;
 use crate::{BoundSchedule, MpcError, NmpcProblem, Softness, SqpConfig, SqpStatus, StepWork};
-use elastic::Elastic;
 use hessian::{Hessian, HessianChoice};
 use interior::{Interior, Phase};
 use pinc_ode::Memory;
-use pinc_qp::{Anderson, ChosenQp, OcpDims, Qp, QpSolver, QpStatus, QpStep, Row};
+use pinc_qp::{Anderson, ChosenQp, Elastic, OcpDims, Qp, QpSolver, QpStatus, QpStep, Row};
 use std::ops::Range;
 
 /// A step is taken whole if it brings the KKT residual below this part of the least seen.
@@ -37,14 +36,12 @@ const CONTRACTION: f64 = 0.9;
 /// does the iteration diverge from afar. A step is accelerated by those before it ([`Anderson`]); where the
 /// iteration is slow all the same, the [`HessianChoice`] takes the exact Hessian of the Lagrangian.
 ///
-/// If a linearized problem has no solution, or its step is none of descent, the hard constraints on
-/// states become soft for the rest of the control step (elastic mode): violated as little as
-/// possible, at a weight above their multipliers, so that they are met in the end if they can be. Those that
-/// the problem has as [`Softness::Exact`](crate::Softness::Exact) do so first, the others if that is not enough.
+/// If a linearized problem has no solution, or its step is none of descent, hard constraints on states become
+/// soft for the rest of the control step ([`Elastic`]), at a weight above their multipliers, so that they are
+/// met in the end if they can be; those of [`Softness::Exact`](crate::Softness::Exact) first.
 ///
-/// References: Nocedal and Wright, *Numerical Optimization*, chapter 18; Gill, Murray and Saunders,
-/// "SNOPT", SIAM Review 47 (2005), for the elastic mode; Diehl et al., "Real-time optimization for
-/// large scale processes", J. Process Control 12 (2002).
+/// References: Nocedal and Wright, *Numerical Optimization*, chapter 18; Diehl et al., "Real-time optimization
+/// for large scale processes", J. Process Control 12 (2002).
 ///
 /// All memory is allocated at construction. What few problems or few steps need is never inlined,
 /// here and in what is called: a step's code is larger than the first cache of instructions.
@@ -74,10 +71,6 @@ pub(crate) struct Sqp {
     /// The state that the QP was prepared for.
     prepared: Vec<f64>,
     work: Vec<f64>,
-    /// The penalties of bounds and rows as the problem has them.
-    penalties: [Vec<f64>; 2],
-    /// Which bounds and rows stay soft where they have to be.
-    exact: [Vec<bool>; 2],
     /// Whether the problem has soft constraints.
     is_soft: bool,
     elastic: Elastic,
@@ -139,10 +132,8 @@ impl Sqp {
             base: Solution::new(dims),
             prepared: vec![0.0; dims.nx],
             work: vec![0.0; dims.unknowns()],
-            penalties: [qp.bounds.penalty.clone(), qp.rows.penalty.clone()],
-            exact: elastic::exact(problem, dims),
             is_soft: kinds.iter().any(|of| **of != Softness::Hard),
-            elastic: Elastic::None,
+            elastic: Elastic::new(&qp, elastic::exact(problem, dims)),
             weight: None,
             keeps_weight: false,
             interior: (exact && config.starts == 1).then(|| Interior::new(&qp, dims)),
@@ -193,7 +184,7 @@ impl Sqp {
         self.qp = self.transcription.qp();
         self.trial = self.qp.clone();
         self.curved = self.transcription.curved_qp();
-        self.penalties = [self.qp.bounds.penalty.clone(), self.qp.rows.penalty.clone()];
+        self.elastic.restate(&self.qp);
         if let Ok(solver) = ChosenQp::new(&self.qp, self.config.qp) {
             self.solver = solver;
         }
@@ -302,8 +293,7 @@ impl Sqp {
                 (SqpStatus::Prepared, _) => (SqpStatus::Prepared, self.broken_by_step()),
                 (status, _) => (status, Some(row)),
             },
-            QpStatus::Failed if self.is_half_soft() => {
-                self.soften_more();
+            QpStatus::Failed if self.elastic.is_half_soft() && self.soften_more() => {
                 self.solve_prepared(plan, expired)
             }
             QpStatus::Failed => (SqpStatus::NumericalTrouble, None),
@@ -406,7 +396,7 @@ impl Sqp {
             iterations += 1;
             self.transcription.follow_plan(Some(iterations));
             self.step.multipliers.copy_from(&plan.multipliers);
-            let half_soft = self.is_half_soft();
+            let half_soft = self.elastic.is_half_soft();
             match self.solve_program(expired) {
                 QpStatus::Solved if self.is_unsettled_by_step(plan) => continue,
                 QpStatus::Solved => {}
@@ -435,7 +425,7 @@ impl Sqp {
             // alpha, z, lambda
             match self.search(model, input, plan, (point, least), expired) {
                 // The elastic weight may make too much of rounding.
-                Search::Found(next) if self.elastic != Elastic::None && next == point => {
+                Search::Found(next) if self.elastic.is_soft() && next == point => {
                     break SqpStatus::Stalled;
                 }
                 Search::Found(next) => point = next,

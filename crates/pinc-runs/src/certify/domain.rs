@@ -27,8 +27,7 @@ struct Saved {
     search: Search,
 }
 
-/// Searches the domain until its bounds are good enough or the time is up; a reason where that is
-/// impossible.
+/// Searches the domain until its bounds are good enough or the time is up; a reason where that is impossible.
 pub(super) fn search(
     subject: &Subject,
     error: &StepError,
