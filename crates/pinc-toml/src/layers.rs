@@ -205,7 +205,19 @@ pub fn assign(table: &mut Table, key: &str, value: Value) -> Result<(String, Val
     let mut path = String::new();
     let mut root = Value::Table(std::mem::take(table));
     let mut place = Some(&mut root);
-    for key in key.split('.') {
+    let mut keys = key.split('.').peekable();
+    while let Some(key) = keys.next() {
+        let element = keys.peek().and_then(|index| index.parse::<usize>().ok());
+        let element = element.map(|index| format!("{key}[{}]", index + 1));
+        // A list of parameters is written out under the names of its elements.
+        let element = element.filter(|element| {
+            let table = place.as_ref().and_then(|value| value.as_table());
+            table.is_some_and(|table| !table.contains_key(key) && table.contains_key(element))
+        });
+        if element.is_some() {
+            keys.next();
+        }
+        let key = element.as_deref().unwrap_or(key);
         place = place.and_then(|value| child(value, key, &mut path));
     }
     let old = place.map(|place| std::mem::replace(place, value));

@@ -129,6 +129,15 @@ fn a_key_of_the_plant_in_the_loop_changes_a_copy() {
     assert_eq!(other["control"]["plant"], parsed("car = { mass = 1.0 }").into());
 }
 
+/// The second element of k is k.1 also where the elements have names of their own.
+#[test]
+fn an_element_of_a_list_that_was_written_out_is_found() {
+    let mut config = parsed("[p]\n\"k[1]\" = 1.0\n\"k[2]\" = 2.0\n");
+    let (path, old) = assign(&mut config, "p.k.1", 5.0.into()).unwrap();
+    assert_eq!((&*path, old), ("p.k[2]", Value::Float(2.0)));
+    assert_eq!(config, parsed("[p]\n\"k[1]\" = 1.0\n\"k[2]\" = 5.0\n"));
+}
+
 /// A path leads through tables and elements of lists; it is refused as far as it leads elsewhere.
 #[test]
 fn a_path_that_leads_nowhere_is_named_as_far_as_it_goes() {

@@ -307,7 +307,12 @@ fn a_proven_net_carries_its_certificate() {
     let export = ["export", "--model", model, "--to", "c", "--out", "c"];
     assert_eq!(outcome(pinc(&export).current_dir(dir.path())).code, Some(0));
     let header = fs::read_to_string(dir.path().join("c/model_net.h")).unwrap();
-    assert!(header.contains(" * Certificate: proven: one step is off by at most x1 "), "{header}");
+    assert!(
+        header.contains(
+            " * Certificate, in double precision: proven: one step is off by at most x1 "
+        ),
+        "{header}"
+    );
     // One weight changed, another equation, a bound that is too low.
     let mut changed = bytes.clone();
     let last = changed.len() - 5;

@@ -1,7 +1,6 @@
-//! The seams between the program's closed loop and the ways in which its controller leaves it: of
-//! every shipped config, and of every key of `[control]`, the served and the exported controller
-//! choose the inputs of the loop, or refuse by name. What was found is `docs/ways-out.md`,
-//! whose tables this test writes.
+//! The seams between the program's closed loop and the ways in which its controller leaves it: of every shipped
+//! config, and of every key of `[control]`, the served and the exported controller choose the inputs of the
+//! loop, or refuse by name. What was found is `docs/ways-out.md`, whose tables this test writes.
 
 use crate::closed::Closed;
 use crate::common::{Outcome, outcome, pinc, repository};
@@ -245,7 +244,7 @@ const LOW: &str = "control.state_low=[-0.4, -3.0]";
 const CHANCE: [&str; 2] = [LOW, "control.uncertainty.probability=0.9"];
 const WORST: [&str; 2] = [LOW, "control.uncertainty.probability=\"worst-case\""];
 const BOXES: &str = "control.uncertainty.boxes={ x = 0.05 }";
-
+const UKF: &str = "control.estimator.kind=ukf";
 const MHE: [&str; 2] = ["control.estimator.kind=mhe", "control.estimator.window=4"];
 
 /// Every key, with values that differ from the base's, and what it is about. Groups of values that
@@ -287,6 +286,7 @@ fn keys() -> Vec<(&'static str, Vec<&'static str>, About)> {
             Controller,
         ),
         ("estimator.parameters", with(&[of_k]), Controller),
+        ("estimator.alpha", with(&[UKF, "control.estimator.alpha=1.0"]), Controller),
         ("estimator.window", mhe(&["control.estimator.window=2"]), Controller),
         ("estimator.low", mhe(&["control.estimator.low=[-0.1, -0.1]"]), Controller),
         ("estimator.high", with(&["control.estimator.high=[0.5, 0.1]"]), Controller),
