@@ -28,7 +28,7 @@ pub struct Identified {
     pub cost: f64,
     /// The number of measured values.
     pub measurements: usize,
-    /// These without the unknowns that are not held at a bound.
+    /// These and the priors, less what they determine of the unknowns.
     pub degrees_of_freedom: usize,
     /// The correlations of all estimates, `[unknowns, unknowns]` row by row: first the parameters,
     /// then K, then the initial state of each recording. NaN where one is not determined.

@@ -154,6 +154,25 @@ fn a_gate_is_as_wide_as_the_innovation_allows() {
     assert_eq!(only(&found, "no reading is rejected, however wild").0, Fact);
 }
 
+/// Readings after a jump of the input, which the estimator predicts with, are no surprise.
+#[test]
+fn an_estimator_is_told_the_input_that_acts() {
+    let mut rehearsal = rehearsed(lags);
+    rehearsal.trace = Trajectory::new(Dims::new(2, 1));
+    // The first lag under 1, and 9 from 2 s on; a sample has the input that led to it.
+    for i in 0..=50 {
+        let t = 0.1 * f64::from(i);
+        let (u, x1) = match i {
+            0..=20 => (1.0, 1.0 - (-t).exp()),
+            _ => (9.0, 9.0 - (8.0 + (-2.0_f64).exp()) * (2.0 - t).exp()),
+        };
+        rehearsal.trace.push(t, &[x1, 0.0], &[u]);
+    }
+    let sets = [&ESTIMATOR[..], &["control.estimator.gate=4.0"]].concat();
+    let found = findings(estimation::examine, Ok(rehearsal), &sets);
+    assert!(!is_said(&found, "are rejected: that at"), "{found:#?}");
+}
+
 /// The first reading is under the input that the plant has been given.
 #[test]
 fn a_gate_knows_the_first_input() {

@@ -133,6 +133,12 @@ fn an_array_stands_for_its_elements_wherever_variables_are_named() {
             "uncertainty.boxes",
             r#"{ "z[1]" = 0.4, "z[2]" = 0.4 }"#,
         ),
+        (
+            "loads = [{ start_s = 1.0, rates = { z = 0.1 }, inputs = { v = 0.2 } }]",
+            "loads",
+            r#"[{ start_s = 1.0, rates = { "z[1]" = 0.1, "z[2]" = 0.1 },
+                  inputs = { "v[1]" = 0.2, "v[2]" = 0.2 } }]"#,
+        ),
         ("first_plan = { input = [0.5, 1.0] }", "first_plan.input", "[0.5, 1.0, 1.0]"),
         (IDENTIFY, "../identify.measured", r#"["T[2]", "T[3]", "E"]"#),
         (IDENTIFY, "../identify.measurement_sd", "[0.1, 0.1, 0.2]"),
