@@ -38,6 +38,7 @@ impl Elastic {
     }
 
     /// Whether hard limits are soft.
+    #[inline]
     #[must_use]
     pub fn is_soft(&self) -> bool {
         self.level != Level::None
@@ -45,6 +46,7 @@ impl Elastic {
 
     /// Whether some of the hard limits are soft and others not yet. A method may fail there on what it cannot
     /// prove to be infeasible.
+    #[inline]
     #[must_use]
     pub fn is_half_soft(&self) -> bool {
         self.level == Level::Exact
@@ -71,11 +73,17 @@ impl Elastic {
     }
 
     /// Makes all limits as they were.
+    #[inline]
     pub fn leave(&mut self, qps: [&mut Qp; 2]) {
-        let was = std::mem::replace(&mut self.level, Level::None);
-        for qp in qps.into_iter().filter(|_| was != Level::None) {
-            self.for_each(qp, |penalty, stated, _| *penalty = stated);
+        if self.is_soft() {
+            self.level = Level::None;
+            qps.into_iter().for_each(|qp| self.restore(qp));
         }
+    }
+
+    #[inline(never)]
+    fn restore(&self, qp: &mut Qp) {
+        self.for_each(qp, |penalty, stated, _| *penalty = stated);
     }
 
     /// Gives `qp` its own penalties, except those that are exact.
