@@ -183,7 +183,7 @@ fn along_the_loop(of: Estimating<'_>, names: &[String]) -> Vec<Finding> {
     let steps: Vec<(Vec<f64>, Vec<f64>)> = marks.iter().map_while(at).collect();
     let Some(unseen) = unseen_along(&steps, names.len()) else {
         let what = format!(
-            "what is measured tells all of them, along {} steps of the closed loop",
+            "what is measured tells all of them that do not decay, along {} steps of the closed loop",
             steps.len()
         );
         return vec![Finding::fact(SECTION, what)];
