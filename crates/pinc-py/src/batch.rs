@@ -10,6 +10,7 @@ use pinc_batch::{LoopTrace, Situations};
 use pinc_config::MOST_THREADS;
 use pinc_mpc::Reference;
 use pinc_runs::BatchController;
+use pinc_sensitivity::ProblemDerivative;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple};
 use std::sync::{Mutex, MutexGuard};
@@ -229,7 +230,8 @@ impl NmpcBatch {
         let found =
             watched(py, || Ok(self.lock().for_steps()?.gradients(given.at(), &seeds, smoothing)))?;
         let found = found.map_err(|error| of_run(&error))?.map_err(of_mpc)?;
-        let values = by_name(py, &found.gradients, &self.layout(), Some(given.steps))?;
+        let one = ProblemDerivative::zeros(self.lock().batch().nmpc());
+        let values = by_name(py, (&found.gradients, &one), &self.layout(), Some(given.steps))?;
         let (m, under_way) = (self.input_count(), found.by_under_way);
         let each = under_way.len() / (given.steps * m).max(1);
         if each > 1 {

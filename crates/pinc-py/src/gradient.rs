@@ -78,7 +78,7 @@ impl PlanGradient {
         regularity: Regularity,
         (gradient, layout): (&ProblemDerivative, &Layout),
     ) -> PyResult<Self> {
-        let values = by_name(py, std::slice::from_ref(gradient), layout, None)?;
+        let values = by_name(py, (std::slice::from_ref(gradient), gradient), layout, None)?;
         Ok(Self { regularity: regularity.to_string(), values })
     }
 }
@@ -100,16 +100,17 @@ impl PlanChange {
     }
 }
 
-/// The numbers of some gradients by kind; a kind that the problem does not have is left out.
+/// The numbers of some gradients, of none maybe, like `one` by kind; a kind that the problem does not have is
+/// left out.
 pub(crate) fn by_name(
     py: Python<'_>,
-    gradients: &[ProblemDerivative],
+    (gradients, one): (&[ProblemDerivative], &ProblemDerivative),
     layout: &Layout,
     rows: Option<usize>,
 ) -> PyResult<Py<PyDict>> {
     let all = PyDict::new(py);
     for kind in Number::ALL {
-        let places = layout.places(kind, gradients.first().map_or(0, |g| g.get(kind).len()));
+        let places = layout.places(kind, one.get(kind).len());
         let of = |g: &ProblemDerivative| places.iter().map(|&i| g.get(kind)[i]).collect::<Vec<_>>();
         let numbers: Vec<f64> = gradients.iter().flat_map(of).collect();
         let mut shape = vec![places.len()];

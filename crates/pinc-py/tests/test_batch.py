@@ -33,6 +33,11 @@ def test_a_batch_takes_the_steps_of_one_controller(smoke: Path, batch: pinc.Nmpc
     assert np.array_equal(steps.u, alone.steps(x, reference, before).u)
     assert steps.u.shape == (50, 1) and steps.inputs.shape == (50, batch.horizon, 1)
     assert batch.steps(np.empty((0, 2)), np.empty(2)).u.shape == (0, 1)
+    none = batch.gradients(np.empty((0, 2)), np.empty(2), np.ones(1)).values
+    some = batch.gradients(x, reference, np.ones(1), before).values
+    assert {name: (0, *values.shape[1:]) for name, values in some.items()} == {
+        name: values.shape for name, values in none.items()
+    }
     with pytest.raises(pinc.InputError, match="threads: 100000 given, expected 0 to 1024"):
         pinc.NmpcBatch(smoke, only="rk4", threads=100_000)
     one = pinc.Nmpc(smoke, only="rk4", overrides=WEIGHTS)

@@ -1,7 +1,7 @@
 //! The numbers of a control problem in which its solution is differentiated.
 
-use pinc_mpc::{Bounds, NmpcProblem, PerStage, Softness, Weight};
-use pinc_qp::OcpDims;
+use pinc_mpc::{Bounds, Nmpc, NmpcProblem, PerStage, Softness, Weight};
+use pinc_ode::Dims;
 use std::ops::Range;
 
 /// A kind of number that a control problem is given.
@@ -111,6 +111,12 @@ pub struct ProblemDerivative {
 }
 
 impl ProblemDerivative {
+    /// Zeros for all numbers that the problem of `nmpc` is given.
+    #[must_use]
+    pub fn zeros(nmpc: &Nmpc) -> Self {
+        Self::new(Layout::new(nmpc.problem(), nmpc.model().dims()))
+    }
+
     pub(crate) fn new(layout: Layout) -> Self {
         Self { values: vec![0.0; layout.starts[Given::ALL.len()]], layout }
     }
@@ -179,7 +185,7 @@ impl WeightShape {
 }
 
 impl Layout {
-    pub(crate) fn new(problem: &NmpcProblem, dims: OcpDims) -> Self {
+    pub(crate) fn new(problem: &NmpcProblem, dims: Dims) -> Self {
         let weights = &problem.weights;
         let per_stage = |weights: &PerStage<Weight>| WeightShape::of(weights.all());
         let one = |weight: &Option<Weight>| {
@@ -197,7 +203,7 @@ impl Layout {
         for (i, given) in Given::ALL.into_iter().enumerate() {
             let length = match given {
                 Given::State => dims.nx,
-                Given::Reference => dims.horizon * problem.tracked.len(),
+                Given::Reference => problem.horizon * problem.tracked.len(),
                 Given::AppliedInput => dims.nu,
                 Given::Parameters => problem.parameters.len(),
                 Given::Q => q.count * q.each(),

@@ -177,7 +177,7 @@ impl<'a> Sensitivity<'a> {
         };
         program.soften(&mut qp);
         Self {
-            layout: Layout::new(problem, dims),
+            layout: Layout::new(problem, nmpc.model().dims()),
             plan: nmpc.plan().clone(),
             qp,
             system: KktSystem::default(),

@@ -4,7 +4,7 @@ use super::values::{
     CONTROLLED, alone, at_least_one, bounds, each, length, named_tolerances, names, not_negative,
     positive, tolerance, value, wrong_length,
 };
-use super::{Checked, Problem, cost, plant, schedule::increasing};
+use super::{Checked, Problem, cost, schedule::increasing};
 use crate::registry::Variables;
 use crate::{ControlSpec, Experiment, ModelKind, OnError};
 use pinc_mpc::{MpcError, NmpcProblem, Softness, Weight};
@@ -239,7 +239,6 @@ fn plant_in_the_loop(
     variables: &Variables,
 ) -> Checked {
     let Some(real) = &spec.plant else { return Ok(()) };
-    plant("control.plant", real, experiment)?;
     let found = real.variables();
     for (what, found, expected) in [
         ("states", found.state_names(), variables.state_names()),

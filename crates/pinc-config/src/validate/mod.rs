@@ -64,8 +64,9 @@ impl Experiment {
         plant("plant", &self.plant, self)?;
         let variables = self.plant.variables();
         names::printable("plant", &self.plant)?;
-        if let Some(plant) = self.control.as_ref().and_then(|control| control.plant.as_ref()) {
-            names::printable("control.plant", plant)?;
+        if let Some(own) = self.control.as_ref().and_then(|control| control.plant.as_ref()) {
+            plant("control.plant", own, self)?;
+            names::printable("control.plant", own)?;
         }
         names::column_names(&self.plant, &variables)?;
         names::varying_parameters(self)?;

@@ -218,3 +218,14 @@ fn errors_have_the_line_of_the_equation() {
                     expected an index from 1 to 3 (at i = 2)";
     assert!(shown.starts_with(expected), "{shown}");
 }
+
+/// The plant in the loop may have no array where the equations have a number.
+#[test]
+fn an_array_in_place_of_a_number_is_refused_in_both_plants() {
+    for key in ["plant", "control.plant"] {
+        let set = format!("{key}.expression.parameters.k=[2.0]");
+        let error = parse(&with(&[]), &[&set]).unwrap_err();
+        assert!(error.contains(&format!("`{key}.expression.derivatives.T[1]`")), "{error}");
+        assert!(error.contains("`k` is an array"), "{error}");
+    }
+}
