@@ -22,7 +22,7 @@ pub(super) fn closed_loop(
     let (states, inputs) = (variables.states.len(), variables.inputs.len());
     models(spec)?;
     positive("control.duration_s", spec.duration_s)?;
-    plant_in_the_loop(experiment, spec, variables)?;
+    plant_in_the_loop(spec, variables)?;
     if let Some(step_s) = spec.step_s {
         positive("control.step_s", step_s)?;
     }
@@ -233,11 +233,7 @@ fn references(spec: &ControlSpec) -> Checked {
 }
 
 /// The plant in the loop: it has the states and inputs of the one that the models are of.
-fn plant_in_the_loop(
-    experiment: &Experiment,
-    spec: &ControlSpec,
-    variables: &Variables,
-) -> Checked {
+fn plant_in_the_loop(spec: &ControlSpec, variables: &Variables) -> Checked {
     let Some(real) = &spec.plant else { return Ok(()) };
     let found = real.variables();
     for (what, found, expected) in [
