@@ -14,11 +14,7 @@ use pinc_ode::{ArgumentError, Integrator};
 pub(super) const NO_OUTPUTS: &str = "no such key: the plant has no outputs that are not states";
 
 /// `[control]`.
-pub(super) fn closed_loop(
-    experiment: &Experiment,
-    spec: &ControlSpec,
-    variables: &Variables,
-) -> Checked {
+pub(super) fn closed_loop(spec: &ControlSpec, variables: &Variables) -> Checked {
     let (states, inputs) = (variables.states.len(), variables.inputs.len());
     models(spec)?;
     positive("control.duration_s", spec.duration_s)?;

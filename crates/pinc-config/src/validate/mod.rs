@@ -81,7 +81,7 @@ impl Experiment {
             free_run(prediction, &variables, self.net_step_s())?;
         }
         if let Some(control) = &self.control {
-            closed_loop(self, control, &variables)?;
+            closed_loop(control, &variables)?;
             cost::expressions(self, control, &variables)?;
             free_time::free_time(self, control, &variables)?;
             integer::whole(control, &variables)?;
