@@ -6,7 +6,7 @@ use super::values::{
 };
 use super::{Checked, Problem, cost, schedule::increasing};
 use crate::registry::Variables;
-use crate::{ControlSpec, Experiment, ModelKind, OnError};
+use crate::{ControlSpec, ModelKind, OnError};
 use pinc_mpc::{MpcError, NmpcProblem, Softness, Weight};
 use pinc_ode::{ArgumentError, Integrator};
 
