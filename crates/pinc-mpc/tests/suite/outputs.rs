@@ -378,6 +378,28 @@ fn exact_bounds_give_way_to_hard_ones() {
     }
 }
 
+/// Where neither kind can be kept the program with `exact` bounds soft alone has no solution: it takes nothing
+/// from the iterations that there are.
+#[test]
+fn giving_way_in_turn_takes_no_iterations() {
+    let model = Observed { model: linear(), feed: 0.0 };
+    let none = f64::INFINITY;
+    let problem = NmpcProblem {
+        input_bounds: Bounds::new(vec![-1.0], vec![1.0]),
+        state_bounds: Bounds::new(vec![-none; 2], vec![0.3, 0.2]),
+        output_bounds: Some(Bounds::new(vec![20.0, -none], vec![none; 2])),
+        output_softness: Softness::Exact,
+        ..NmpcProblem::new(model.dims(), 4, Weights::uniform(vec![1.0; 2], vec![0.1]))
+    };
+    for qp in METHODS {
+        let config = SqpConfig { max_iterations: 2, ..config(qp) };
+        let mut nmpc = Nmpc::new(problem.clone(), Box::new(model.clone()), config).unwrap();
+        let step = nmpc.step(&[5.0, 5.0], &[0.0; 8]).unwrap();
+        assert_eq!(step.status, SqpStatus::InfeasibleQp, "{qp}");
+        assert!(step.sqp_iterations <= 2, "{qp}: {step:?}");
+    }
+}
+
 /// How a plan ends is no soft constraint: `exact` bounds of states give way to it.
 #[test]
 fn exact_bounds_give_way_to_the_end_of_the_plan() {

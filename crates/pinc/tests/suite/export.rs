@@ -134,6 +134,48 @@ fn loops_with_estimators_in_c_match_the_program() {
     }
 }
 
+/// A plant whose bounds a tube leaves no room between, with a state without bounds in the thousands, and an output
+/// that cannot be kept besides.
+const CROSSED: &str = r#"
+name = "crossed"
+preset = "ours"
+seed = 1
+[plant.expression]
+states = ["a", "b", "c"]
+inputs = ["u", "v"]
+derivatives = { a = "0.3*a + 0.2*b - 0.4*u - 0.5*v", b = "-1.2*b + 0.15*v", c = "0.6*c - 3000*b + 450*u + 1300*v" }
+outputs = { d = "a + b" }
+[control]
+models = ["rk4"]
+step_s = 0.25
+duration_s = 5.0
+n2 = 12
+nu = 12
+initial_state = [0.25, -0.15, 630.0]
+controlled = ["c", "a"]
+q = [1.75e-5, 2.3]
+r = [4e-5, 0.02]
+input_low = [-5.0, -5.0]
+input_high = [5.0, 5.0]
+state_low = [-0.6, 0.004, -inf]
+state_high = [-0.08, 0.285, inf]
+output_low = { d = 0.5 }
+output_softness = "exact"
+max_failed_share = 1.0
+references = [{ start_s = 0.0, value = [1970.0, 0.9] }, { start_s = 2.5, value = [2550.0, -0.9] }]
+uncertainty = { probability = "worst-case", boxes = { a = 0.03, b = 0.004, c = 29.0 } }
+sqp = { qp = "condensed" }
+"#;
+
+/// Where `exact` bounds give way to hard ones, C gives the same way in the same units.
+#[test]
+fn bounds_that_cannot_all_be_kept_give_way_alike_in_c() {
+    let dir = tempfile::tempdir().unwrap();
+    let config = dir.path().join("crossed.toml");
+    fs::write(&config, CROSSED).unwrap();
+    assert_eq!(assert_same_loop(&config, ModelKind::RK4, &[], &[]), 20);
+}
+
 #[test]
 fn the_oscillators_loop_in_c_matches_the_program() {
     let config = repository("configs/van-der-pol/control.toml");
