@@ -319,9 +319,10 @@ fn units(controller: &Controller<'_>, estimation: Estimation<'_>, both: &Both<'_
         Disturbance::States(places) => places.iter().map(|&place| states[place]).collect(),
         _ => Vec::new(),
     };
+    let count = inputs.len() + both.filter.dims().nx;
     let mut all = [inputs, states, disturbed].concat();
-    let parameters = both.nmpc.model().dims().nu + both.filter.dims().nx;
-    all.resize(parameters, 1.0);
+    // Parameters stay in their own.
+    all.resize(count, 1.0);
     all
 }
 

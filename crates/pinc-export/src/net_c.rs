@@ -277,3 +277,29 @@ pub(crate) fn golden_tables(golden: &Golden) -> String {
     let parts = [("x", x), ("u", u), ("next", next), ("a", a), ("b", b)];
     parts.into_iter().map(|(name, rows)| table(name, rows)).collect()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use pinc_net::PlainLayer;
+
+    /// Rounding is what the same layers give in numbers of 32 bits.
+    #[test]
+    #[expect(clippy::cast_possible_truncation, reason = "single precision is what is asked about")]
+    fn rounding_is_that_of_single_precision() {
+        let layer = |w: f64, b: f64| PlainLayer { weights: vec![vec![w, 0.3]], bias: vec![b] };
+        let last = PlainLayer { weights: vec![vec![1.7]], bias: vec![300.1] };
+        let layers = vec![layer(0.7, 0.1), last];
+        let folded = FoldedNet { layers, time: Vec::new(), adds_initial_state: true };
+        let ends = [(0.1, 2.3), (-1.0, 0.9)];
+        let off = golden::points(&ends).into_iter().map(|point| {
+            let (x, u) = (point[0] as f32, point[1] as f32);
+            let hidden = f64::from(0.1_f32 + 0.7 * x + 0.3 * u).tanh() as f32;
+            let found = (300.1_f32 + 1.7 * hidden) + x;
+            let (x, u) = (f64::from(x), f64::from(u));
+            (f64::from(found) - (300.1 + 1.7 * (0.1 + 0.7 * x + 0.3 * u).tanh() + x)).abs()
+        });
+        let (found, expected) = (single_rounding(&folded, &ends), off.fold(0.0, f64::max));
+        assert!((found[0] / expected - 1.0).abs() < 1e-6, "{found:?} {expected:e}");
+    }
+}

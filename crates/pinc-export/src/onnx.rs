@@ -50,11 +50,8 @@ pub fn net_to_onnx(
         Precision::Single => single_rounding(&folded, &ends),
         Precision::Double => Vec::new(),
     };
-    let states = origin.state_list();
     let certificate = origin.proven.as_ref().map(|proven| match precision {
-        Precision::Single => {
-            format!("{proven}; in 64 bits, what `rounding` says comes to it in 32")
-        }
+        Precision::Single => format!("{proven}; in 64 bits: 32 bits add what `rounding` says"),
         Precision::Double => proven.clone(),
     });
     let writer = Writer { precision };
@@ -67,7 +64,7 @@ pub fn net_to_onnx(
     let list = |values: &[f64]| format!("{values:?}");
     let domain = net.domain();
     for (key, value) in [
-        ("states", states),
+        ("states", origin.state_list()),
         ("inputs", origin.input_list()),
         ("step_s", format!("{:?}", net.sample_time_s())),
         ("state_low", list(&domain.state_low)),

@@ -1,9 +1,9 @@
 //! Time scales, horizons, and what integrators need.
 
-use super::{evidence, examined, experiment, findings, findings_of, only};
+use super::{experiment, findings, findings_of, only};
 use crate::Severity::{Fact, Warning};
-use crate::{Cost, Evidence, Finding, ModelCost, Work, check, gain, stability, substeps};
-use pinc_config::{Experiment, ModelKind, Plants};
+use crate::{Cost, Evidence, Finding, ModelCost, Work, check, stability, substeps};
+use pinc_config::ModelKind;
 
 fn is_said(findings: &[Finding], words: &str) -> bool {
     findings.iter().any(|of| of.what.contains(words))
@@ -104,29 +104,22 @@ fn a_gain_has_the_rank_of_its_inputs() {
 /// Gains of any units are as many as there are: 1 Pa and 1 m^3/s are no smaller than 1 K and 1 W.
 #[test]
 fn a_rank_does_not_depend_on_units() {
-    let plant = r#"
-        name = "test"
-        preset = "ours"
-        seed = 1
-        [plant.expression]
-        states = ["p", "T"]
-        inputs = ["q", "P"]
-        derivatives = { p = "1e9*q - p", T = "(1e-3*P - T)/2" }
-        [control]
-        models = ["rk4"]
-        step_s = 0.2
-        duration_s = 2.0
-        initial_state = [0.0, 0.0]
-        controlled = ["p", "T"]
-        q = [1e-10, 1e-2]
-        r = [1e5, 1e-10]
-        input_low = [0.0, 0.0]
-        input_high = [2e-4, 2e4]
-        references = [{ start_s = 0.0, value = [1e5, 10.0] }]
-        "#;
-    let plants = Plants::built_in();
-    let experiment = Experiment::parse("test.toml".as_ref(), plant, &[], &plants).unwrap();
-    let found = examined(gain::examine, &experiment, &evidence(&|_| Err("no files".to_owned())));
+    let found = findings(
+        ["1e9*u - x1", "(1e-3*v - x2)/2"],
+        &[
+            "plant.expression.inputs=[\"u\", \"v\"]",
+            "domain.state_low=[0.0, 0.0]",
+            "domain.state_high=[1e5, 10.0]",
+            "domain.input_low=[0.0, 0.0]",
+            "domain.input_high=[2e-4, 2e4]",
+            "control.controlled=[\"x1\", \"x2\"]",
+            "control.q=[1e-10, 1e-2]",
+            "control.r=[1e5, 1e-10]",
+            "control.input_low=[0.0, 0.0]",
+            "control.input_high=[2e-4, 2e4]",
+            "control.references=[{ start_s = 0.0, value = [1e5, 10.0] }]",
+        ],
+    );
     assert_eq!(only(&found, "singular values 1.000e9, 0.001, rank 2").0, Fact);
     only(&found, "no transmission zeros");
 }

@@ -6,6 +6,7 @@ use pinc_config::{Experiment, Plants};
 use pinc_mpc::SqpStatus;
 use pinc_runs::{Follow, LiveController};
 use serde_json::Value;
+use std::path::Path;
 
 fn load(config: &str, sets: &[&str]) -> Result<Experiment, String> {
     let sets: Vec<_> = sets.iter().map(|set| (*set).to_owned()).collect();
@@ -174,9 +175,7 @@ parameter_preview = true
         let mut command = pinc(&["control"]);
         command.arg(&path).arg("--out").arg(dir.path().join(preview));
         assert_eq!(outcome(&mut command).code, Some(0));
-        let metrics = std::fs::read_to_string(dir.path().join(preview).join("metrics.json"));
-        let metrics: Value = serde_json::from_str(&metrics.unwrap()).unwrap();
-        costs.push(metrics["control"][0]["cost"]["first_plan"].as_f64().unwrap());
+        costs.push(run_in(&dir.path().join(preview))["cost"]["first_plan"].as_f64().unwrap());
         config = config.replace("parameter_preview = true", "parameter_preview = false");
     }
     // 2 h of (1 + 2) kW at .1, losses of 2^2 in all 4 h; without preview nothing is bought for later.
@@ -203,6 +202,12 @@ fn a_cost_is_integrated_in_the_equations_unit_of_time() {
     }
 }
 
+/// The metrics of the loop whose results are in a directory.
+fn run_in(directory: &Path) -> Value {
+    let metrics = std::fs::read_to_string(directory.join("metrics.json")).unwrap();
+    serde_json::from_str::<Value>(&metrics).unwrap()["control"][0].clone()
+}
+
 /// How far the levels are from their references at the end, and the nearest values that can be held.
 fn at_the_end(sets: &[&str]) -> ([f64; 2], Value) {
     let dir = tempfile::tempdir().unwrap();
@@ -212,9 +217,7 @@ fn at_the_end(sets: &[&str]) -> ([f64; 2], Value) {
     sets.iter().for_each(|set| _ = command.args(["--set", set]));
     let done = outcome(&mut command);
     assert_eq!(done.code, Some(0), "{done:?}");
-    let metrics = std::fs::read_to_string(dir.path().join("run/metrics.json")).unwrap();
-    let metrics: Value = serde_json::from_str(&metrics).unwrap();
-    let run = &metrics["control"][0];
+    let run = run_in(&dir.path().join("run"));
     let offset = |name: &str| run["offset"][name][0].as_f64().unwrap().abs();
     (["h1", "h2"].map(offset), run["nearest_held"].clone())
 }
@@ -275,9 +278,7 @@ fn what_cannot_be_held_is_named_in_any_unit() {
         let mut command = pinc(&["control"]);
         command.arg(&path).arg("--out").arg(dir.path().join("run"));
         assert_eq!(outcome(&mut command).code, Some(0));
-        let metrics = std::fs::read_to_string(dir.path().join("run/metrics.json")).unwrap();
-        let metrics: Value = serde_json::from_str(&metrics).unwrap();
-        metrics["control"][0]["nearest_held"]["u"].as_f64().unwrap() / unit
+        run_in(&dir.path().join("run"))["nearest_held"]["u"].as_f64().unwrap() / unit
     });
     assert!(nearest[0] > 0.5 && (nearest[0] / nearest[1] - 1.0).abs() < 1e-3, "{nearest:?}");
 }
